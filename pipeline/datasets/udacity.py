@@ -14,7 +14,8 @@ The first is separated by spaces and has no header. The second has one, which in
 ``xmin,xmax,ymin,ymax`` although the values come in the order above: the header is not believed, the order is.
 Class words are made lower case, so that both layouts speak of ``car``, ``truck`` and ``pedestrian``. Frames without
 any label are frames without objects. File names are times in nanoseconds: the up to three frames before one, each
-at most `max_gap_s` earlier than the next, are its previous frames.
+at most `max_gap_s` earlier than the next, are its previous frames. Pictures may be converted: their suffix need not be
+the table's.
 
 Licence: MIT. https://github.com/udacity/self-driving-car/tree/master/annotations
 """
@@ -85,14 +86,19 @@ class Udacity(Dataset):
     def _read(self) -> Iterable[Frame]:
         reader = read_autti_labels if self.layout == "autti" else read_crowdai_labels
         boxes, defects = reader(self.folder / "labels.csv")
-        pictures = {path.name: path for path in pictures_in(self.images)}
-        before = previous_by_time(list(pictures.values()), self.max_gap_s)
-        for name, path in pictures.items():
+        pictures = pictures_in(self.images)
+        before = previous_by_time(pictures, self.max_gap_s)
+        named = boxes.keys() | defects.keys()
+        name_of_stem = {Path(name).stem: name for name in sorted(named)}
+        used = set()
+        for path in pictures:
+            name = path.name if path.name in named else name_of_stem.get(path.stem, path.name)
+            used.add(name)
             defect = defects.get(name, "")
             notes = () if defect or name in boxes else (NO_ROW,)
             usable = () if defect else boxes.get(name, ())
             yield self._frame(path, usable, previous=before[path], defect=defect, notes=notes)
-        for name in (boxes.keys() | defects.keys()) - pictures.keys():
+        for name in named - used:
             path = self.images / name
             yield self._frame(path, defect=f"{path}: labelled, but there is no such picture")
 

@@ -157,6 +157,20 @@ def test_udacity_header_of_the_old_copies_is_not_believed(tmp_path):
     assert datasets.open_dataset("udacity", "u", root, layout="crowdai").frames() == before
 
 
+def test_udacity_pictures_may_have_another_suffix_than_in_the_table(tmp_path):
+    root = make_udacity(tmp_path, layout="autti")
+    before = datasets.open_dataset("udacity", "u", root).frames()
+    for path in (root / "object-dataset").glob("*.jpg"):
+        path.rename(path.with_suffix(".png"))
+    frames = datasets.open_dataset("udacity", "u", root).frames()
+    assert [(f.name, f.boxes, f.defect, f.notes) for f in frames] == [
+        (f.name, f.boxes, f.defect, f.notes) for f in before
+    ]
+    write(frames[0].path.with_suffix(".tif"), picture("a"))
+    with pytest.raises(InputError, match="two pictures are called"):
+        datasets.open_dataset("udacity", "u", root).frames()
+
+
 def test_udacity_bad_lines(tmp_path):
     root = make_udacity(tmp_path, layout="autti")
     labels = root / "object-dataset" / "labels.csv"
