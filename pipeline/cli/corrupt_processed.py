@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -76,17 +77,19 @@ def run(paths: tuple[Path, ...], out: Path, preset: str, iso: float, shots: int,
 def _coloured(files: Sequence[Path], every: int, least_px: int) -> Iterator[tuple[str, np.ndarray | None, str]]:
     """Name, picture in [0, 1] with its colours (frames of videos are grey) or None, and the reason for None."""
     from pipeline.cli.picture_file import read_file
-    from pipeline.cli.pictures import VIDEOS, readable, refuse
+    from pipeline.cli.pictures import VIDEOS, point_out, readable, refuse
     from pipeline.errors import InputError
 
+    hinted: Counter[int] = Counter()
     for file in files:
         if file.suffix.lower() in VIDEOS:
-            yield from (frame[:3] for frame in readable([file], every, least_px=least_px))
+            yield from (frame[:3] for frame in readable([file], every, hinted, least_px))
             continue
         try:
             refuse(file)
-            image = read_file(file, least_px).picture.unit()
+            stored = read_file(file, least_px)
         except InputError as error:
             yield str(file), None, str(error)
             continue
-        yield str(file), image, ""
+        point_out(file, stored, hinted)
+        yield str(file), stored.picture.unit(), ""

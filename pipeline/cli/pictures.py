@@ -17,6 +17,7 @@ from pipeline.errors import InputError, printable
 if TYPE_CHECKING:
     import numpy as np
 
+    from pipeline.cli.picture_file import PictureFile
     from pipeline.datasets.video_coding import Coding
 
 
@@ -144,14 +145,7 @@ def read(
     hinted = Counter() if hinted is None else hinted
     if path.suffix.lower() not in VIDEOS:
         file = read_file(path, least_px)
-        if bits := file.picture.fewer_bits():
-            _hint(path, bits, hinted)
-        if file.turn:
-            _hint_turned(str(path), file.turn, hinted)
-        if file.transparent:
-            _hint_transparent(path, hinted)
-        if file.curve:
-            _hint_curve(path, file.curve, hinted)
+        point_out(path, file, hinted)
         yield str(path), file.picture.grey(), coding_of_picture(path)
         return
     for number, image, coding in read_video(path, every, remark=video_remarks(str(path), hinted)):
@@ -186,6 +180,24 @@ def refuse(path: Path) -> None:
         raise InputError(f"{printable(path)}: its name is not valid UTF-8; rename it") from None
     if is_unread(path):
         raise InputError(f"{path}: {path.suffix} files are not read; convert it, for example to PNG")
+
+
+def point_out(path: Path, file: PictureFile, hinted: Counter[int]) -> None:
+    """Warn on standard error of what is unusual about a picture that can be read.
+
+    Args:
+        path: of the picture.
+        file: it, decoded.
+        hinted: see `read`.
+    """
+    if bits := file.picture.fewer_bits():
+        _hint(path, bits, hinted)
+    if file.turn:
+        _hint_turned(str(path), file.turn, hinted)
+    if file.transparent:
+        _hint_transparent(path, hinted)
+    if file.curve:
+        _hint_curve(path, file.curve, hinted)
 
 
 def _echo_once(line: str, key: int, hinted: Counter[int]) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from data_makers import picture
+from PIL import Image
 
 from pipeline.camera.processing import temporal_noise
 from pipeline.cli import main
@@ -64,6 +65,22 @@ def test_odd_sides_are_cut_with_a_note_and_sizes_in_the_truth(tmp_path):
         truth = json.loads((tmp_path / f"out/{name}.json").read_text())
         assert (truth["size_in_px"], truth["size_out_px"]) == (size_in, size_out)
         assert cv2.imread(str(tmp_path / f"out/{name}.png")).shape[1::-1] == tuple(size_out)
+
+
+def test_what_is_unusual_about_pictures_is_pointed_out_once_as_without_a_pipeline(tmp_path):
+    small = picture("a", 60, 46)
+    turned = Image.Exif()
+    turned[274] = 6
+    for name in "ab":
+        Image.fromarray(small).save(tmp_path / f"{name}_turned.png", exif=turned)
+        Image.fromarray(np.dstack([small, small, small, small // 2])).save(tmp_path / f"{name}_transparent.png")
+        assert cv2.imwrite(str(tmp_path / f"{name}_twelve.png"), small.astype(np.uint16) * 16)
+    warnings = []
+    for options in (["--sigma-dn", 3], ["--pipeline", "machine_vision", "--iso", 0, "--shots", 2]):
+        done = call("corrupt", tmp_path, *options, "--out", tmp_path / "out")
+        assert done.exit_code == 0, done.output
+        warnings.append([line for line in done.stderr.splitlines() if line.startswith(("warning: ", "hint: "))])
+    assert warnings[0] == warnings[1] and len(warnings[1]) == 3
 
 
 def test_a_picture_that_is_too_small_is_called_so(tmp_path):
