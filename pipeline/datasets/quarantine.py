@@ -7,7 +7,7 @@
 | picture smaller than one blur patch (192 px) on either side | frame left out |
 | label file missing, text where a number belongs, further columns, fractions of the image | frame left out |
 | labelled picture that is not there | frame left out |
-| 16 bits a channel | used, divided by 65535; noted |
+| more than 8 bits a channel | used, divided by their white (`Picture.white`); noted |
 | colour | used, BT.601 luma; noted |
 | alpha channel | used, alpha dropped; noted |
 | odd width or height | used as it is; noted (the authors' maps leave the last row or column empty) |
@@ -41,7 +41,7 @@ from pipeline.errors import InputError
 from pipeline.executor import run_map
 
 MAX_REJECTED_FRACTION = 0.05
-DEEP = "16 bits a channel: divided by 65535"
+DEEP = "{bits} bits a channel: divided by {white}"
 COLOUR = "colour: luma taken"
 ALPHA = "alpha channel dropped"
 ODD_SIZE = "odd width or height"
@@ -106,7 +106,7 @@ def inspect(frame: Frame, smallest_px: int = BLUR_PX) -> Inspection:
 def _remarks(picture: Picture) -> list[str]:
     height, width = picture.pixels.shape[:2]
     values = {
-        DEEP: picture.pixels.dtype == np.uint16,
+        DEEP.format(bits=picture.white.bit_length(), white=picture.white): picture.pixels.dtype == np.uint16,
         COLOUR: picture.colour,
         ALPHA: picture.alpha,
         ODD_SIZE: height % 2 == 1 or width % 2 == 1,

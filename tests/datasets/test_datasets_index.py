@@ -71,7 +71,7 @@ def test_every_case_is_handled_and_counted(tmp_path):
     grey = {"000007", "000008"}  # written in one channel
     assert scanned.notes == {
         COLOUR: 13 - len(grey),
-        DEEP: 1,
+        DEEP.format(bits=16, white=65535): 1,
         ODD_SIZE: 1,
         ALPHA: 1,
         CLIPPED: 1,
@@ -80,6 +80,14 @@ def test_every_case_is_handled_and_counted(tmp_path):
     }
     without = {f.name for f in scanned.usable if not f.previous}
     assert without == {"000008", "000011", "000012"}
+
+
+def test_the_note_of_deep_values_names_the_value_they_are_divided_by(tmp_path):
+    values = (picture("deep") * np.uint16(16)).astype(">u2")
+    for white in (65535, 4095):
+        (tmp_path / f"{white}.pgm").write_bytes(f"P5\n448 320\n{white}\n".encode() + values.tobytes())
+    notes = scan(datasets.open_dataset("folder", "mine", tmp_path)).notes
+    assert notes == {f"{bits} bits a channel: divided by {2**bits - 1}": 1 for bits in (12, 16)}
 
 
 def test_too_many_bad_frames_stop_the_run(tmp_path):
