@@ -26,6 +26,7 @@ from __future__ import annotations
 
 import io
 import re
+import stat
 import warnings
 import zlib
 from dataclasses import dataclass
@@ -157,6 +158,8 @@ def picture_size(path: str | Path) -> tuple[int, int] | None:
     """Width and height in pixels from the header alone, or None where it cannot be read. Costs no decoding."""
     from PIL import Image, UnidentifiedImageError
 
+    if not Path(path).is_file():
+        return None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
@@ -186,6 +189,8 @@ def read_picture(path: str | Path, *, smallest_px: int = SMALLEST_PX) -> Picture
         BadPicture: see the table above.
     """
     try:
+        if not stat.S_ISREG(Path(path).stat().st_mode):  # a pipe would be waited for without end
+            raise BadPicture(path, "cannot be read (a folder, pipe or device, and no file)")
         data = Path(path).read_bytes()
     except FileNotFoundError:
         raise BadPicture(path, "no such file") from None

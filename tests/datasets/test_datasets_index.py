@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from functools import partial
 
 import cv2
@@ -88,6 +90,26 @@ def test_the_note_of_deep_values_names_the_value_they_are_divided_by(tmp_path):
         (tmp_path / f"{white}.pgm").write_bytes(f"P5\n448 320\n{white}\n".encode() + values.tobytes())
     notes = scan(datasets.open_dataset("folder", "mine", tmp_path)).notes
     assert notes == {f"{bits} bits a channel: divided by {2**bits - 1}": 1 for bits in (12, 16)}
+
+
+def test_named_pipes_are_set_aside_and_not_waited_for(tmp_path):
+    root = make_folder(tmp_path, frames=2)
+    (root / "images/frame-1.png").unlink()
+    os.mkfifo(root / "images/frame-1.png")
+
+    def waited(*_):
+        raise AssertionError("waited for the pipe")
+
+    before = signal.signal(signal.SIGALRM, waited)
+    signal.alarm(2)
+    try:
+        scanned = scan(datasets.open_dataset("folder", "mine", root), 1.0)
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+    assert [frame.name for frame in scanned.usable] == ["frame-0"]
+    (row,) = scanned.quarantined
+    assert (row.file, row.reason) == ("images/frame-1.png", "cannot be read (a folder, pipe or device, and no file)")
 
 
 def test_too_many_bad_frames_stop_the_run(tmp_path):
