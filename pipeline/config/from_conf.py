@@ -6,6 +6,7 @@ import itertools
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +32,7 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
     from pipeline.config.compose import CONF
     from pipeline.config.entry import plain_errors
     from pipeline.config.hydra_plugins import kinds  # noqa: F401  (registers the resolvers of conf/)
-    from pipeline.config.overrides import check_overrides, check_scheduler, check_sweep, parsed, split
+    from pipeline.config.overrides import check_overrides, check_scheduler, check_sweep, is_multirun, parsed, split
     from pipeline.config.references import check_references
     from pipeline.config.schema import validate
     from pipeline.config.unread import warnings
@@ -54,16 +55,25 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
     check_sweep(arguments)
     check_scheduler(arguments)
     options, words = split(arguments)
-    for override in parsed(words):
+    overrides = parsed(words)
+    for override in overrides:
         if override.key_or_group == "hydra.run.dir" and not override.is_sweep_override():
             check_outputs(Path(str(override.value())))  # before Hydra writes its records there
     for sentence in warnings(stage, arguments, CONF):
         print(f"warning: {sentence}", file=sys.stderr)
-    sweep = fresh_folder(Path("multirun") / stage.name)
-    folders = [f"hydra.sweep.dir={sweep.as_posix()}", f"hydra.run.dir=outputs/{stage.name}"]
+    folders = [f"hydra.run.dir=outputs/{stage.name}"]
+    sweep = None
+    if is_multirun(arguments) and all(override.key_or_group != "hydra.sweep.dir" for override in overrides):
+        sweep = fresh_folder(Path("multirun") / stage.name)
+        folders.append(f"hydra.sweep.dir={sweep.as_posix()}")
     # Overrides of the user come last and win; Hydra takes them only without an option between them.
     sys.argv[1:] = [f"hydra.job.name={stage.name}", *folders, *words, *options]
-    hydra.main(version_base=None, config_path=str(CONF.resolve()), config_name="config")(entry)()
+    try:
+        hydra.main(version_base=None, config_path=str(CONF.resolve()), config_name="config")(entry)()
+    finally:
+        if sweep is not None:
+            with suppress(OSError):  # it holds the sweep; empty where Hydra refused to start
+                sweep.rmdir()
 
 
 def check_outputs(folder: Path) -> None:
@@ -83,14 +93,18 @@ def check_outputs(folder: Path) -> None:
 
 
 def fresh_folder(parent: Path) -> Path:
-    """A folder that no other sweep has written to: date and time, with a number where one is there already.
+    """Make a folder for a sweep: date and time, with a number where another sweep has that name already.
 
     Args:
         parent: folder of a stage's sweeps.
 
     Returns:
-        its path; it is not made.
+        its path; no other sweep gets it, not even one that starts at the same moment.
     """
     now = time.strftime("%Y-%m-%d_%H-%M-%S")
-    names = itertools.chain([now], (f"{now}_{number}" for number in itertools.count(2)))
-    return next(parent / name for name in names if not (parent / name).exists())
+    parent.mkdir(parents=True, exist_ok=True)
+    for name in itertools.chain([now], (f"{now}_{number}" for number in itertools.count(2))):
+        with suppress(FileExistsError):
+            (parent / name).mkdir()
+            break
+    return parent / name

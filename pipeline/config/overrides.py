@@ -81,6 +81,17 @@ def parsed(words: Sequence[str]) -> list[Any]:
     return result
 
 
+def is_multirun(arguments: Sequence[str]) -> bool:
+    """Whether Hydra is to run a sweep: ``--multirun`` or ``hydra.mode=MULTIRUN``.
+
+    Args:
+        arguments: of the command line.
+    """
+    options, words = split(arguments)
+    modes = [str(override.value()) for override in parsed(words) if override.key_or_group == "hydra.mode"]
+    return bool({"--multirun", "-m"} & set(options)) or any(mode != "RUN" for mode in modes)
+
+
 def check_sweep(arguments: Sequence[str]) -> None:
     """Refuse several values of a key where one job is to run.
 
@@ -90,11 +101,9 @@ def check_sweep(arguments: Sequence[str]) -> None:
     Raises:
         InputError: an override sweeps, but ``--multirun`` is not given.
     """
-    options, words = split(arguments)
-    overrides = parsed(words)
-    if {"--multirun", "-m"} & set(options) or any(each.key_or_group == "hydra.mode" for each in overrides):
+    if is_multirun(arguments):
         return
-    for override in overrides:
+    for override in parsed(split(arguments)[1]):
         if override.is_sweep_override():
             raise InputError(
                 f"{override.input_line}: several values need --multirun; a list that is one value goes in brackets"

@@ -5,6 +5,8 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,7 @@ from pipeline.config.entry import stage
 from pipeline.config.from_conf import fresh_folder
 from pipeline.config.unread import warnings
 from pipeline.errors import InputError
+from pipeline.stages import sensor
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -150,14 +153,53 @@ def test_a_full_disk_and_an_interrupt_are_one_line(words, status, line, tmp_path
     assert [path.name for path in tmp_path.iterdir()] == ["params.yaml"]
 
 
+NOW = "2026-01-02_03-04-05"
+
+
 def test_each_sweep_has_a_folder_of_its_own(tmp_path, monkeypatch):
-    monkeypatch.setattr("pipeline.config.from_conf.time.strftime", lambda form: "2026-01-02_03-04-05")
-    first = fresh_folder(tmp_path)
-    first.mkdir()
-    second = fresh_folder(tmp_path)
-    second.mkdir()
-    names = [path.name for path in (first, second, fresh_folder(tmp_path))]
-    assert names == ["2026-01-02_03-04-05", "2026-01-02_03-04-05_2", "2026-01-02_03-04-05_3"]
+    """Sweeps that start at the same moment, too."""
+    monkeypatch.setattr("pipeline.config.from_conf.time.strftime", lambda form: NOW)
+    barrier = threading.Barrier(4)
+
+    def start(_):
+        barrier.wait()
+        return fresh_folder(tmp_path / "multirun")
+
+    with ThreadPoolExecutor(4) as pool:
+        folders = list(pool.map(start, range(4)))
+    assert sorted(path.name for path in folders) == [NOW, f"{NOW}_2", f"{NOW}_3", f"{NOW}_4"]
+    assert all(path.is_dir() for path in folders)
+
+
+@pytest.mark.parametrize(
+    ("words", "folders"),
+    [
+        (["seed=1,2", "--multirun"], [f"multirun/sensor/{NOW}"]),
+        (["seed=1", "hydra.mode=MULTIRUN"], [f"multirun/sensor/{NOW}"]),
+        (["seed=1,2", "-m", "hydra.sweep.dir=mine"], ["mine"]),
+        (["seed=1"], []),
+        (["seed=1", "hydra.mode=RUN"], []),
+    ],
+)
+def test_only_a_sweep_has_a_folder_made_for_it(words, folders, tmp_path, monkeypatch):
+    """It goes again where Hydra starts no job."""
+    passed, made = [], []
+
+    def main():
+        passed.extend(word.partition("=")[2] for word in sys.argv if word.startswith("hydra.sweep.dir="))
+        made.extend(path.as_posix() for path in Path("multirun").glob("*/*"))
+
+    monkeypatch.setattr("pipeline.config.from_conf.time.strftime", lambda form: NOW)
+    monkeypatch.setattr("hydra.main", lambda **options: lambda entry: main)
+    monkeypatch.setattr("pipeline.config.overrides.check_overrides", lambda *given: None)  # composing takes seconds
+    monkeypatch.setattr("pipeline.config.unread.warnings", lambda *given: [])
+    monkeypatch.setattr("sys.argv", ["sensor"])
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "conf").symlink_to(ROOT / "conf")
+    sensor.run(words)
+    assert passed == folders
+    assert made == [folder for folder in folders if folder != "mine"]
+    assert not list(tmp_path.glob("multirun/*/*"))
 
 
 NOISE = stage(
