@@ -1,16 +1,16 @@
 """Pieces of a long run, kept until it is done: a killed run goes on, and its result is the same bytes.
 
 A piece is one file in a folder outside of any stage's outputs, named by what it is and by a hash of all it depends on:
-settings, weights, picture, kernel and the source of the detector and of the sweep. A piece that cannot be read is made
-again. Each run has a folder to itself, whose key holds where its outputs go, so that runs side by side do not meet.
-Once the outputs are in place the folder is removed, so nothing stale can be taken up later.
+settings, weights, picture, kernel and the source of the detector, of the sweep and of what reads a frame. A piece that
+cannot be read is made again. Each run has a folder to itself, whose key holds where its outputs go, so that runs side
+by side do not meet. Once the outputs are in place the folder is removed, so nothing stale can be taken up later.
 """
 
 from __future__ import annotations
 
 import hashlib
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -25,11 +25,11 @@ from pipeline.store import read_arrays, write_arrays
 Arrays = Mapping[str, NDArray[Any]]
 
 
-def fingerprint(code: str, settings: Mapping[str, Any], kind: str) -> str:
+def fingerprint(code: str | Iterable[str], settings: Mapping[str, Any], kind: str) -> str:
     """Hash of settings (anything JSON can hold) and of the source that a sweep with one detector executes.
 
     Args:
-        code: the module that executes it.
+        code: the module that executes it, or several: modules of objects that it is given need not be in its closure.
         settings: of the sweep.
         kind: the detector's registry name.
     """

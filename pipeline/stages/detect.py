@@ -47,8 +47,15 @@ def run(run: Run) -> None:
     )
     about = store.read_json(run.inputs / "data/detector" / name / "detector.json")
     detector = [about["sha256"], digest("pipeline.detection", section.kind)]
-    about_run = {"sweep": vars(sweep), "detector": detector, "job": dict(run.job), "outputs": str(run.outputs)}
-    key = checkpoint.fingerprint(detect.__name__, about_run, section.kind)
+    about_run = {
+        "sweep": vars(sweep),
+        "detector": detector,
+        "reader": digest("pipeline.datasets", source.kind),
+        "job": dict(run.job),
+        "outputs": str(run.outputs),
+    }
+    # the sweep is given its frames: it does not import the code that reads their pictures
+    key = checkpoint.fingerprint((detect.__name__, "pipeline.datasets.frame"), about_run, section.kind)
     folder = run.inputs / ".cache/detect" / key
     work = [(frame, kernel) for frame in frames for kernel in blurs]
     result = run.map(partial(detect_frame, sweep=sweep, folder=folder), work, f"{name} on {dataset}")

@@ -22,11 +22,13 @@ from yolox_makers import LABELS, tiny_yolox
 from pipeline import store
 from pipeline.camera.settings import CameraSettings
 from pipeline.config.compose import compose, parse
+from pipeline.config.hydra_plugins import plug_in_sources
 from pipeline.config.references import check_references
 from pipeline.config.schema import Config, validate
 from pipeline.curves import precision
 from pipeline.datasets import open_dataset
 from pipeline.datasets.frame import Box, Frame
+from pipeline.dependencies import closure
 from pipeline.detection import checkpoint
 from pipeline.detection.base import Detections
 from pipeline.errors import InputError
@@ -199,6 +201,35 @@ def test_pieces_of_another_run_are_not_taken_up(tmp_path: Path, monkeypatch: pyt
         for d in (b"sharp", b"other picture")
     ]
     assert sorted(again)[-1] == 9 and len(set(again)) == 2
+
+
+def test_an_edit_of_what_reads_a_frame_begins_a_killed_sweep_anew(
+    data: Path, once: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of this package's frames, and of a third party's dataset, whose frames may read pictures in another way."""
+    config = configured(data)
+    folders: list[Path] = []
+
+    def killed(folder: Path, *more: Any) -> Any:
+        folders.append(folder)
+        raise KeyboardInterrupt
+
+    def start() -> None:
+        closure._source_digest.cache_clear()
+        with pytest.raises(KeyboardInterrupt):
+            detect.run.run(config, {"dataset": "kitti", "detector": "tiny"}, once, tmp_path)
+
+    monkeypatch.setattr(checkpoint, "load_or_compute", killed)
+    read = Path.read_bytes
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "read_bytes", lambda path: read(path) + b"# edited" * (path.name == "frame.py"))
+        start()
+    reader = {("pipeline.datasets", "kitti"): "edited"}
+    with monkeypatch.context() as patched:
+        patched.setattr(plug_in_sources, "digest", lambda group, kind: reader.get((group, kind)))
+        start()
+    start()
+    assert len(set(folders)) == 3
 
 
 def whole(config: Config, out: Path, name: str) -> None:
