@@ -137,8 +137,9 @@ def gather(
     Raises:
         InputError: more than `max_rejected_fraction` of the frames are left out; names the first few.
     """
+    setting = f"datasets.{dataset.name}.max_rejected_fraction"
     if not 0 <= max_rejected_fraction <= 1:
-        raise InputError(f"quarantine.max_rejected_fraction={max_rejected_fraction}: expected a share between 0 and 1")
+        raise InputError(f"{setting}={max_rejected_fraction}: expected a share between 0 and 1")
     left_out = [
         LeftOut(
             dataset.name, *(_relative(text, result.frame, dataset) for text in (str(result.frame.path), result.reason))
@@ -150,7 +151,7 @@ def gather(
         first = "; ".join(f"{row.file} ({row.reason})" for row in left_out[:3])
         raise InputError(
             f"dataset '{dataset.name}': {len(left_out)} of {len(inspections)} frames cannot be used, more than the "
-            f"{max_rejected_fraction:.0%} allowed by quarantine.max_rejected_fraction: "
+            f"{max_rejected_fraction:.0%} allowed by {setting} (of camera-monitor dataset: --max-rejected-fraction): "
             f"{first}{'; ...' if len(left_out) > 3 else ''}"
         )
     notes = Counter(note for result in inspections for note in result.notes)

@@ -118,9 +118,9 @@ def test_too_many_bad_frames_stop_the_run(tmp_path):
         scan(dataset)
     message = str(caught.value)
     assert "7 of 20 frames cannot be used" in message
-    assert "quarantine.max_rejected_fraction" in message
+    assert "5% allowed by datasets.kitti.max_rejected_fraction (of camera-monitor dataset: --max-rejected-" in message
     assert message.count(".png (") == 3  # the first three files
-    with pytest.raises(InputError, match="share between 0 and 1"):
+    with pytest.raises(InputError, match=r"^datasets\.kitti\.max_rejected_fraction=1\.5: expected a share"):
         scan(dataset, max_rejected_fraction=1.5)
 
 
