@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Set
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,9 +11,13 @@ import click
 
 from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.numbers import FiniteRange
+from pipeline.errors import printable
 
 if TYPE_CHECKING:
     from pipeline.datasets.frame import Box
+
+FLAT_KINDS = frozenset({"sim", "kitti", "udacity", "folder"})
+"""Kinds of datasets whose pictures lie directly in one folder; others may use its sub-folders."""
 
 
 @click.command("dataset")
@@ -27,9 +31,10 @@ def command(kind: str, root: Path | None, max_rejected_fraction: float) -> None:
     """Check the dataset at ROOT, of KIND sim, photos, kitti, udacity or folder.
 
     Prints how many frames and objects are usable, the objects of each class with the range of their sizes, what was
-    mended, and each file that would be set aside and why.
+    mended, how many pictures are no frames, and each file that would be set aside and why.
     """
     from pipeline.datasets import open_dataset
+    from pipeline.datasets.pictures import SUFFIXES
     from pipeline.datasets.quarantine import scan
 
     dataset = open_dataset(kind, kind, root)
@@ -45,6 +50,11 @@ def command(kind: str, root: Path | None, max_rejected_fraction: float) -> None:
         click.echo(
             f"  {count:6d}  {suffix} files are no frames: datasets hold PNG, JPEG, TIFF and the like; convert them"
         )
+    for folder in {frame.path.parent for frame in checked.usable} if kind in FLAT_KINDS else ():
+        below = [path for path in files_below(folder, SUFFIXES) if path.parent != folder]
+        if below:
+            example = printable(below[0].parent.relative_to(dataset.root))
+            click.echo(f"  {len(below):6d}  pictures in sub-folders such as {example} are no frames: move them up")
     for row in checked.quarantined:
         click.echo(f"  set aside  {row.file}: {row.reason}")
     scan(dataset, max_rejected_fraction)
@@ -54,14 +64,23 @@ def other_formats(root: Path) -> Counter[str]:
     """How many pictures below a dataset's folder are of formats that datasets pass over, by suffix.
 
     Args:
-        root: the folder; hidden files in it do not count.
+        root: the folder; see `files_below`.
     """
     from pipeline.cli.pictures import PICTURES, UNREAD
     from pipeline.datasets.pictures import SUFFIXES
 
-    others = (PICTURES | UNREAD) - SUFFIXES
-    files = (path for path in root.rglob("[!.]*") if path.suffix.lower() in others and path.is_file())
-    return Counter(path.suffix.lower() for path in files)
+    return Counter(path.suffix.lower() for path in files_below(root, (PICTURES | UNREAD) - SUFFIXES))
+
+
+def files_below(folder: Path, suffixes: Set[str]) -> list[Path]:
+    """Files in a folder and its sub-folders, sorted; hidden ones and those of hidden sub-folders do not count.
+
+    Args:
+        folder: the folder.
+        suffixes: in lower case.
+    """
+    files = (path for path in folder.rglob("[!.]*") if path.suffix.lower() in suffixes and path.is_file())
+    return sorted(path for path in files if not any(part[0] == "." for part in path.relative_to(folder).parts))
 
 
 def class_table(boxes: Iterable[Box]) -> Iterator[str]:

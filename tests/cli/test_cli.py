@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
-from data_makers import make_folder, make_kitti, picture
+from data_makers import make_folder, make_kitti, make_sim, make_udacity, picture
 
 from pipeline import noise
 from pipeline.camera.psf import kinds
@@ -251,3 +251,29 @@ def test_dataset_counts_the_pictures_of_other_formats_that_it_passes_over(tmp_pa
     assert done.exit_code == 0, done.output
     counts = [line.split()[:2] for line in done.output.splitlines() if "are no frames" in line]
     assert counts == [["1", ".dng"], ["2", ".heic"]]
+
+
+def test_dataset_counts_the_pictures_of_sub_folders_that_it_passes_over(tmp_path):
+    frames = make_folder(tmp_path / "folder", frames=2) / "images"
+    content = (frames / "frame-0.png").read_bytes()
+    for name in (
+        "day/a.png",
+        "night/late/b.PNG",
+        "night/late/.c.png",
+        ".thumbnails/d.png",
+        "night/e.txt",
+        "../f/g.png",
+    ):
+        (frames / name).parent.mkdir(parents=True, exist_ok=True)
+        (frames / name).write_bytes(content)
+    done = call("dataset", "folder", tmp_path / "folder")
+    assert done.exit_code == 0, done.output
+    lines = [line.split() for line in done.output.splitlines() if "are no frames" in line]
+    assert [(line[0], line[6]) for line in lines] == [("2", "images/day")]
+
+
+@pytest.mark.parametrize(("kind", "make"), [("kitti", make_kitti), ("sim", make_sim), ("udacity", make_udacity)])
+def test_dataset_does_not_point_out_sub_folders_of_the_layout(kind, make, tmp_path):
+    done = call("dataset", kind, make(tmp_path))
+    assert done.exit_code == 0, done.output
+    assert "are no frames" not in done.output
