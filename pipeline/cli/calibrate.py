@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from pipeline.cli.camera_store import StoredCamera
+
 MOST_EMPTY_FRACTION = 0.5  # of the 16 values of an MTF that may lie at or below the estimators' floor
 MOST_EMPTY_FRACTION_FIT = 0.25  # likewise where the pictures are blurred further, to correct the estimator
 
@@ -54,8 +56,9 @@ def command(
     (two pictures or two --area, of any size), or a sinusoidal or black and white Siemens star whose rays reach 0.05 of
     Nyquist, which takes 12 pixels of diameter a ray (36 rays: 424 px); its contrast there counts as full.
 
-    Warns of pictures that do not look sharp; refuses pictures without contrast at most frequencies, charts clipped at
-    black or white, and a star whose number of rays is not that of --rays.
+    Warns of pictures that do not look sharp, and of those without a patch that can be measured, which it leaves out;
+    refuses pictures without contrast at most frequencies, charts clipped at black or white, and a star whose number of
+    rays is not that of --rays.
 
     Prints the MTF of the camera and the file, which is in the user's configuration folder (CAMERA_MONITOR_HOME).
     """
@@ -75,26 +78,22 @@ def command(
     if calibrate_estimator and chart is not None:
         raise InputError("--calibrate-estimator is for pictures of scenes, not for a chart")
     frames = [(file, image) for path in expand(paths) for file, image, _ in read(path)]
-    shape = frames[0][1].shape
-    mtf: NDArray[np.float64] | None
-    fit, hashes, unsharp = None, dict[str, str](), 0
     if chart is None:
         _refuse_other_sizes(frames)
-        mtf, fit, hashes, unsharp = _from_scenes(frames, blur_name, calibrate_estimator)
+        stored = _from_scenes(name, frames, blur_name, calibrate_estimator)
     else:
         mtf = edge_mtf(frames, areas) if rays is None else star_mtf(frames, rays)
         _refuse_without_contrast(mtf, f"the {chart} chart", "focus the camera on it", MOST_EMPTY_FRACTION)
-    stored = camera_store.StoredCamera(
-        name=name, kind=f"{chart} chart" if chart else "fit" if fit else "sharp frames", blur_estimator=blur_name,
-        weights_sha256=hashes, size_px=None if chart else (shape[0], shape[1]), frames=len(frames),
-        sharp_mtf=None if mtf is None else mtf.tolist(), fit=fit, version=version(),
-        unsharp=unsharp,
-    )  # fmt: skip
-    if mtf is not None:
-        _print_mtf(mtf)
-    if fit is not None:
-        before, after = fit["error_percent"]
-        click.echo(f"mean absolute error on {fit['samples']} blurred patches: {before:.1f} %, calibrated {after:.1f} %")
+        stored = camera_store.StoredCamera(
+            name=name, kind=f"{chart} chart", blur_estimator=blur_name, weights_sha256={}, size_px=None,
+            frames=len(frames), sharp_mtf=mtf.tolist(), fit=None, version=version(),
+        )  # fmt: skip
+    if stored.sharp_mtf is not None:
+        _print_mtf(stored.sharp_mtf)
+    if stored.fit is not None:
+        before, after = stored.fit["error_percent"]
+        samples = stored.fit["samples"]
+        click.echo(f"mean absolute error on {samples} blurred patches: {before:.1f} %, calibrated {after:.1f} %")
     replaced = camera_store.path_of(name).is_file()
     click.echo(f"written to {camera_store.save(stored)}")
     if replaced:
@@ -112,7 +111,7 @@ def _refuse_other_sizes(frames: list[tuple[str, NDArray[np.float32]]]) -> None:
             raise InputError(f"{file} is {sizes}; calibrate one size at a time")
 
 
-def _print_mtf(mtf: NDArray[np.float64]) -> None:
+def _print_mtf(mtf: list[list[float]]) -> None:
     """A line of frequencies, and one of contrast for each direction, (2, 8)."""
     from pipeline.camera.mtf import DIRECTIONS, FREQUENCIES
 
@@ -122,42 +121,62 @@ def _print_mtf(mtf: NDArray[np.float64]) -> None:
 
 
 def _from_scenes(
-    frames: list[tuple[str, NDArray[np.float32]]], blur_name: str, calibrate_estimator: bool
-) -> tuple[NDArray[np.float64] | None, dict[str, Any] | None, dict[str, str], int]:
-    """The MTF that the estimator reports of sharp frames, or its calibration; hashes of its weights; unsharp frames."""
+    camera: str, frames: list[tuple[str, NDArray[np.float32]]], blur_name: str, calibrate_estimator: bool
+) -> StoredCamera:
+    """The MTF that the estimator reports of sharp frames, or its calibration; warns of frames that give no estimate."""
     import numpy as np
 
     from pipeline import blur
-    from pipeline.blur.base import PATCH_PX, Estimator
+    from pipeline.blur.base import Estimator
     from pipeline.blur.camera_calibration import Calibration, CameraFittable, calibrate
+    from pipeline.cli.camera_store import StoredCamera
     from pipeline.cli.charts import LEAST_MTF
-    from pipeline.datasets.patches import cut, tiles
-    from pipeline.errors import InputError
+    from pipeline.cli.package_version import version
+    from pipeline.condition.estimate import readable_patches
+    from pipeline.errors import InputError, printable
     from pipeline.recording.provenance import blur_weights
 
     estimator = blur.create(blur_name)
-    large = [(name, image) for name, image in frames if min(image.shape) >= PATCH_PX]
-    if not large:
-        raise InputError(f"sharp pictures: none is as large as a patch of {PATCH_PX} px; give whole frames")
-    hashes = blur_weights(blur_name)
     if not calibrate_estimator and (not isinstance(estimator, Estimator) or isinstance(estimator, CameraFittable)):
         raise InputError(f"--blur {blur_name}: its calibration cannot be stored; choose spectral, pmp or gbb")
-    cuts = [cut(image, tiles(image.shape, PATCH_PX, "cover")) for _, image in large]
-    mtfs = [estimator.estimate(patches).mtf for patches in cuts]
+    hashes = blur_weights(blur_name)
+    names, cuts, mtfs = [], [], []
+    for (name, _), part in zip(frames, readable_patches([image for _, image in frames]), strict=True):
+        mtf = estimator.estimate(part).mtf
+        answered = mtf[np.isfinite(mtf).all(axis=(1, 2))]
+        if not len(answered):
+            click.echo(
+                f"warning: {printable(name)}: no patch can be measured (only shading and noise, saturated or covered); "
+                "left out",
+                err=True,
+            )
+            continue
+        names.append(name)
+        cuts.append(part)
+        mtfs.append(answered)
+    if not names:
+        raise InputError("sharp pictures: no patch can be measured; give sharp pictures with structure")
     patches = np.concatenate(cuts)
+    unsharp = _check_sharpness(names, mtfs, MOST_EMPTY_FRACTION_FIT if calibrate_estimator else MOST_EMPTY_FRACTION)
+    fit = sharp_mtf = None
     if calibrate_estimator:
-        unsharp = _check_sharpness([name for name, _ in large], mtfs, MOST_EMPTY_FRACTION_FIT)
-        camera = calibrate(estimator, patches)
-        if not isinstance(camera, Calibration):
+        fitted = calibrate(estimator, patches)
+        if not isinstance(fitted, Calibration):
             raise InputError(
                 f"--calibrate-estimator: the calibration of {blur_name} cannot be stored; leave the option out"
             )
-        return None, camera.content(), hashes, unsharp
-    assert isinstance(estimator, Estimator)
-    made = estimator.divided(patches)
-    assert made.sharp_mtf is not None
-    unsharp = _check_sharpness([name for name, _ in large], mtfs, MOST_EMPTY_FRACTION)
-    return np.maximum(made.sharp_mtf, LEAST_MTF), None, hashes, unsharp
+        fit = fitted.content()
+    else:
+        assert isinstance(estimator, Estimator)
+        divisor = estimator.divided(patches).sharp_mtf
+        assert divisor is not None
+        sharp_mtf = np.maximum(divisor, LEAST_MTF).tolist()
+    height_px, width_px = frames[0][1].shape
+    return StoredCamera(
+        name=camera, kind="fit" if fit else "sharp frames", blur_estimator=blur_name, weights_sha256=hashes,
+        size_px=(height_px, width_px), frames=len(names), sharp_mtf=sharp_mtf, fit=fit, version=version(),
+        unsharp=unsharp,
+    )  # fmt: skip
 
 
 def _check_sharpness(names: list[str], mtfs: list[NDArray[Any]], most_empty_fraction: float) -> int:
@@ -165,7 +184,7 @@ def _check_sharpness(names: list[str], mtfs: list[NDArray[Any]], most_empty_frac
 
     Args:
         names: of the pictures.
-        mtfs: (N, 2, 8) of the patches of each, NaN where the estimator abstained.
+        mtfs: (N, 2, 8) of the patches of each that the estimator answered, at least one.
         most_empty_fraction: see `_refuse_without_contrast`.
 
     Returns:
@@ -178,14 +197,11 @@ def _check_sharpness(names: list[str], mtfs: list[NDArray[Any]], most_empty_frac
 
     from pipeline.condition.summary import unsharp
 
-    answered = [mtf[np.isfinite(mtf).all(axis=(1, 2))] for mtf in mtfs]
-    every = np.concatenate(answered)
-    if len(every):
-        advice = "give pictures known to be sharp" + (
-            ", or leave --calibrate-estimator out" if most_empty_fraction < MOST_EMPTY_FRACTION else ""
-        )
-        _refuse_without_contrast(np.median(every, axis=0), "the sharp pictures", advice, most_empty_fraction)
-    doubts = [unsharp(np.median(mtf, axis=0)) if len(mtf) else "" for mtf in answered]
+    advice = "give pictures known to be sharp" + (
+        ", or leave --calibrate-estimator out" if most_empty_fraction < MOST_EMPTY_FRACTION else ""
+    )
+    _refuse_without_contrast(np.median(np.concatenate(mtfs), axis=0), "the sharp pictures", advice, most_empty_fraction)
+    doubts = [unsharp(np.median(mtf, axis=0)) for mtf in mtfs]
     for name, doubt in zip(names, doubts, strict=True):
         if doubt:
             click.echo(f"warning: {name} {doubt}; leave it out, or take it anew", err=True)

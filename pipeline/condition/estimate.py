@@ -197,18 +197,13 @@ class ConditionMonitor:
             InputError: none of their patches can be measured, the blur estimator's answers are relative to something
                 already, as the generic lens, or there are not as many names as frames.
         """
-        cuts = [_whole_cover(grey_frame(frame)) for frame in sharp_frames]
-        if not any(map(len, cuts)):
-            raise InputError(f"sharp frames: none is as large as a patch of {PATCH_PX} px; give whole frames")
-        readable = [_readable(part) for part in cuts]
+        readable = readable_patches(sharp_frames)
         patches = np.concatenate(readable)
-        if not len(patches):
-            raise InputError("sharp frames: no patch has structure that shows sharpness, only shading and noise")
         calibrated, made_of = self._calibrated
         uncalibrated = made_of if self.blur_estimator is calibrated else self.blur_estimator
-        if names and len(names) != len(cuts):
-            raise InputError(f"sharp frames: {len(names)} names of {len(cuts)} frames; give one for each, or none")
-        labels = names or [f"sharp frame {number + 1} of {len(cuts)}" for number in range(len(cuts))]
+        if names and len(names) != len(readable):
+            raise InputError(f"sharp frames: {len(names)} names of {len(readable)} frames; give one for each, or none")
+        labels = names or [f"sharp frame {number + 1} of {len(readable)}" for number in range(len(readable))]
         for label, part in zip(labels, readable, strict=True):
             if len(part):
                 _warn_of_blur(label, uncalibrated, part)
@@ -267,6 +262,28 @@ class ConditionMonitor:
         result = _without(self.blur_estimator.estimate(stack), _unreadable(stack))
         taken = (time.perf_counter() - start) * 1e3
         return BlurState(squares, result, _grid(squares), summarise(result.mtf, result.low, result.high), taken)
+
+
+def readable_patches(sharp_frames: Sequence[NDArray[np.floating]]) -> list[NDArray[np.float32]]:
+    """Of each frame that was given as sharp, the patches that an estimator can read sharpness from.
+
+    Args:
+        sharp_frames: (H, W) float in [0, 1], grey levels as the camera encoded them.
+
+    Returns:
+        for each frame (N, 1, 192, 192): patches that cover it inside bars beside the picture, without those that hold
+        shading and noise only or that a uniform surround covers in part; N may be 0.
+
+    Raises:
+        InputError: not such frames, none is as large as a patch, or no patch of any is left.
+    """
+    cuts = [_whole_cover(grey_frame(frame)) for frame in sharp_frames]
+    if not any(map(len, cuts)):
+        raise InputError(f"sharp frames: none is as large as a patch of {PATCH_PX} px; give whole frames")
+    readable = [_readable(part) for part in cuts]
+    if not any(map(len, readable)):
+        raise InputError("sharp frames: no patch has structure that shows sharpness, only shading and noise")
+    return readable
 
 
 def noise_of_frame(

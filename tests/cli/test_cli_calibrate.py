@@ -12,13 +12,15 @@ from control_makers import performance
 from data_makers import picture
 from star_makers import synthesise
 
-from pipeline.blur import create
+from pipeline.blur import camera_calibration, create
 from pipeline.blur.base import WithoutEmptyFrequencies
+from pipeline.blur.spectral import Spectral
 from pipeline.camera.mtf import FREQUENCIES, sample
 from pipeline.camera.slanted_edge import measure
 from pipeline.camera.star_centre import point_of_symmetry
 from pipeline.cli import camera_store, main
 from pipeline.cli.charts import star_mtf
+from pipeline.condition.estimate import readable_patches
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
@@ -314,6 +316,55 @@ def test_sharp_scenes_are_stored_with_the_hash_of_the_weights_and_refuse_another
     path.write_text(json.dumps(content))
     refused = call("health", scene, "--camera", "front")
     assert refused.exit_code == 2 and "other weights" in refused.output
+
+
+def under_a_noisy_sky(name, height_px=448):
+    """A scene of which 192 lines are shading and noise, below a bar of 40 lines."""
+    image = picture(name, height_px=height_px).astype(float) / 255
+    image[:232] = np.linspace(0.5, 0.7, 232)[:, None] + stream(0, "sky").normal(0, 12 / 255, (232, image.shape[1]))
+    image[:40] = 16 / 255
+    return image
+
+
+@pytest.mark.parametrize("fitted", [False, True])
+def test_scenes_are_read_where_sharp_frames_are(tmp_path, monkeypatch, fitted):
+    """Patches of noise alone, or across a bar, are not: what was read there made blurred frames look sharp."""
+    scene = save(tmp_path / "scene.png", under_a_noisy_sky("health"))
+    (expected,) = readable_patches([cv2.imread(str(scene), 0) / np.float32(255)])
+    assert len(expected) == 6  # the lower two rows of three
+    patches = []
+
+    def estimated_from(estimator, sharp_patches):
+        patches.append(sharp_patches)
+        raise InputError("enough")
+
+    options = ()
+    if fitted:
+        options = ("--calibrate-estimator",)
+        monkeypatch.setattr(camera_calibration, "calibrate", estimated_from)
+    else:
+        monkeypatch.setattr(Spectral, "divided", estimated_from)
+    done = call("calibrate", "front", scene, *options)
+    assert done.output == "error: enough\n"
+    np.testing.assert_array_equal(patches[0], expected)
+
+
+def test_pictures_that_give_no_estimate_are_named_and_not_counted(tmp_path, home):
+    image = picture("health").astype(float) / 255
+    scene, black = save(tmp_path / "scene.png", image), save(tmp_path / "black.png", 0 * image)
+    clipped = save(tmp_path / "clipped.png", image > 0.5)
+    done = call("calibrate", "front", scene, black, clipped)
+    assert done.exit_code == 0, done.output
+    for name, count in (("scene", 0), ("black", 1), ("clipped", 1)):
+        assert done.stderr.count(f"{name}.png: no patch can be measured") == count, done.stderr
+    with_others = camera_store.load("front")
+    assert (with_others.frames, with_others.unsharp) == (1, 0)
+    assert call("calibrate", "front", scene).exit_code == 0
+    assert camera_store.load("front") == with_others
+    for file, words in ((black, "no patch has structure that shows sharpness"), (clipped, "no patch can be measured")):
+        refused = call("calibrate", "rear", file)
+        assert refused.exit_code == 2 and words in refused.stderr.splitlines()[-1], refused.stderr
+    assert [file.name for file in home.glob("cameras/*")] == ["front.json"]
 
 
 @pytest.mark.parametrize(
