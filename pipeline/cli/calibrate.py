@@ -88,14 +88,15 @@ def command(
             name=name, kind=f"{chart} chart", blur_estimator=blur_name, weights_sha256={}, size_px=None,
             frames=len(frames), sharp_mtf=mtf.tolist(), fit=None, version=version(),
         )  # fmt: skip
+    replaced = camera_store.path_of(name).is_file()
+    file = camera_store.save(stored)  # before anything is printed: a full or closed output loses nothing
     if stored.sharp_mtf is not None:
         _print_mtf(stored.sharp_mtf)
     if stored.fit is not None:
         before, after = stored.fit["error_percent"]
         samples = stored.fit["samples"]
         click.echo(f"mean absolute error on {samples} blurred patches: {before:.1f} %, calibrated {after:.1f} %")
-    replaced = camera_store.path_of(name).is_file()
-    click.echo(f"written to {camera_store.save(stored)}")
+    click.echo(f"written to {file}")
     if replaced:
         click.echo(f"replaces the stored calibration of {name}")
 

@@ -20,7 +20,7 @@ from pipeline.errors import InputError, did_you_mean, printable
 if TYPE_CHECKING:
     from pipeline.condition import ConditionMonitor
 
-_NAME = re.compile(r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 KINDS = ("sharp frames", "fit", "edge chart", "star chart")
 CHARTS = KINDS[2:]
 
@@ -84,7 +84,7 @@ def path_of(name: str) -> Path:
     Raises:
         InputError: not a name of letters, digits, dots, hyphens and underscores.
     """
-    if not _NAME.match(name):
+    if not _NAME.fullmatch(name):
         raise InputError(f"camera name '{name}': expected letters, digits, '.', '-' or '_', at most 64")
     return folder() / f"{name}.json"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 
 import cv2
@@ -77,6 +78,17 @@ def test_two_edges_give_both_axes_and_the_stored_camera_is_used(tmp_path, home):
     assert "(relative to the calibration of the camera front)" in content["verdict"]["sentence"]
     np.testing.assert_allclose(rows[1], np.clip(rows[0] / np.array(stored.sharp_mtf), 0, 1), atol=1e-3)
     assert stored.size_px is None and "448x320" not in done.stderr  # a crop of a chart says nothing of the frames
+
+
+def test_an_output_that_takes_nothing_loses_no_calibration(tmp_path, monkeypatch):
+    def full(message, err=False):
+        if not err:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    files = [save(tmp_path / f"{upright}.png", edge(upright)) for upright in (True, False)]
+    monkeypatch.setattr("click.echo", full)
+    assert call("calibrate", "front", *files, "--chart", "edge").exit_code == 2
+    assert camera_store.load("front").frames == 2
 
 
 def test_edges_may_have_different_sizes_and_old_sizes_of_charts_are_ignored(tmp_path):
@@ -371,6 +383,7 @@ def test_pictures_that_give_no_estimate_are_named_and_not_counted(tmp_path, home
     ("arguments", "word"),
     [
         (["a/b", "{}/a.png"], "camera name"),
+        (["front\n", "{}/a.png"], "camera name"),
         (["front", "{}/a.png", "--chart", "star"], "--rays"),
         (["front", "{}/a.png", "--rays", "36"], "--rays"),
         (["front", "{}/a.png", "--chart", "star", "--rays", "35"], "even"),
