@@ -6,7 +6,8 @@ Averaged weights:               w' <- d w' + (1 - d) w,   d = min(decay, (1 + t)
 
 A run that is stopped and started again goes on from its last checkpoint and ends with the same weights, bit for bit
 (one thread, same libraries): batches are a function of the step, and nothing else is random. In single precision
-another processor ends with the same weights too (`pipeline.processor`).
+another processor ends with the same weights too (`pipeline.processor`). A run that diverges, its loss or score no
+longer finite, is an error; the last good checkpoint stays.
 """
 
 from __future__ import annotations
@@ -102,7 +103,8 @@ def train(
         stop_after: stop at this step as if interrupted (a checkpoint is written).
 
     Raises:
-        InputError: the checkpoint is broken or belongs to another training.
+        InputError: the checkpoint is broken or belongs to another training; or the loss or the score is no longer
+            finite, where the checkpoint before stays.
     """
     import torch
 
@@ -222,9 +224,16 @@ def _row(state: _State, schedule: Schedule) -> dict[str, float] | None:
     count = state.step - (int(state.curve[-1]["step"]) if state.curve else 0)
     row = {"step": float(state.step), "learning_rate": schedule.rate(state.step - 1)}
     row |= {name: float(total) / count for name, total in state.sums.items()}
+    _refuse_divergence("loss", row["loss"], state.step)
     state.sums = {}
     state.curve.append(row)
     return row
+
+
+def _refuse_divergence(quantity: str, value: float, step: int) -> None:
+    """Raises InputError for a loss or score that is NaN or infinite: no later step makes such weights good again."""
+    if not math.isfinite(value):
+        raise InputError(f"training: the {quantity} is not finite at step {step}; lower schedule.learning_rate")
 
 
 def _validated(state: _State, validate: Callable[..., dict[str, float]] | None, score: str) -> dict[str, float]:
@@ -238,6 +247,8 @@ def _validated(state: _State, validate: Callable[..., dict[str, float]] | None, 
     state.model.eval()
     with torch.no_grad():
         result = validate(state.model)
+    if score:
+        _refuse_divergence(f"validation's {score}", result[score], state.step)
     if score and result[score] < state.best_score:
         state.best_score, state.best_step = result[score], state.step
         state.best = {name: value.clone() for name, value in state.average.items()}
@@ -268,11 +279,14 @@ def _keep(path: Path, state: _State, schedule: Schedule) -> None:
     """Write a checkpoint; the one before stays until this one is complete."""
     import torch
 
+    sums = {name: float(total) for name, total in state.sums.items()}
+    _refuse_divergence("loss", sums.get("loss", 0.0), state.step)
     tensors = {f"model.{name}": value for name, value in state.model.state_dict().items()}
     tensors |= {f"average.{name}": value for name, value in state.average.items()}
     tensors |= {f"best.{name}": value for name, value in state.best.items()}
+    prefix = weights.OPTIMISER_PREFIX
     for index, moments in state.optimiser.state_dict()["state"].items():
-        tensors |= {f"optimiser.{index}.{name}": torch.as_tensor(value) for name, value in moments.items()}
+        tensors |= {f"{prefix}{index}.{name}": torch.as_tensor(value) for name, value in moments.items()}
     weights.save(
         path,
         tensors,
@@ -280,7 +294,7 @@ def _keep(path: Path, state: _State, schedule: Schedule) -> None:
         schedule=_identity(schedule),
         step=state.step,
         curve=state.curve,
-        sums={name: float(total) for name, total in state.sums.items()},
+        sums=sums,
         best_score=None if math.isinf(state.best_score) else state.best_score,
         best_step=state.best_step,
     )
@@ -301,7 +315,7 @@ def _restore(path: Path, state: _State, schedule: Schedule) -> None:
         raise InputError(f"{path}: belongs to another network; delete its folder to begin anew") from None
     parameters = [parameter for group in state.optimiser.param_groups for parameter in group["params"]]
     moments: dict[int, dict[str, torch.Tensor]] = {}
-    for name, value in part("optimiser.").items():
+    for name, value in part(weights.OPTIMISER_PREFIX).items():
         index, _, kind = name.partition(".")
         moments.setdefault(int(index), {})[kind] = _laid_out_as(parameters[int(index)], value)
     state.optimiser.load_state_dict({"state": moments, "param_groups": state.optimiser.state_dict()["param_groups"]})

@@ -1,7 +1,7 @@
 """Weight files: safetensors, with what was trained, how and on what in the header.
 
 A file without that header, of another architecture, cut short, changed after it was written, or with values that are
-not finite or absurdly large is refused with one line.
+not finite or absurdly large is refused with one line; such values are not written either.
 """
 
 from __future__ import annotations
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 Made = TypeVar("Made")
 
 LARGEST_WEIGHT = 1e6
+OPTIMISER_PREFIX = "optimiser."
+"""Names of tensors that are an optimiser's state in a checkpoint begin with it: squared gradients may be large."""
+
 RELEASED_WITHOUT_FLAG = frozenset(
     {
         "7a33ec6e671e3dadc5674290bd907c2b1f673b447b596d259f6e4a573d78a952",  # detector_compact.safetensors
@@ -67,12 +70,16 @@ def save(path: str | Path, tensors: Mapping[str, torch.Tensor], architecture: st
         tensors: a state dict.
         architecture: name and version, e.g. ``"mtf-spectral-1"``; `load` compares it.
         details: anything JSON can hold: parameters, seed, fingerprint of the training, validation.
+
+    Raises:
+        InputError: values that `load` refuses; a file that is there stays.
     """
     from safetensors.torch import save_file
 
     from pipeline.store import replacing
 
     content = {name: tensor.detach().cpu().contiguous().clone() for name, tensor in tensors.items()}
+    _check_values(path, content, "not written; lower schedule.learning_rate")
     # One entry: safetensors does not keep the order of several, and files should be the same byte for byte.
     written = {"architecture": architecture, "tensors_sha256": tensors_sha256(content), **details}
     header = json.dumps(written, sort_keys=True)
@@ -119,27 +126,27 @@ def load(path: str | Path, architecture: str) -> tuple[dict[str, torch.Tensor], 
             f"{path}: holds weights of '{header['architecture']}', expected '{architecture}'; "
             "name the right file or train anew (dvc repro)"
         )
-    _check_values(path, content)
+    _check_values(path, content, "restore the file")
     if "tensors_sha256" in header and header["tensors_sha256"] != tensors_sha256(content):
         raise InputError(f"{path}: the weights are not those that were written (SHA-256 differs); restore the file")
     return content, header
 
 
-def _check_values(path: str | Path, tensors: Mapping[str, torch.Tensor]) -> None:
+def _check_values(path: str | Path, tensors: Mapping[str, torch.Tensor], advice: str) -> None:
     """Refuse values that no training of this package leaves.
 
     Raises:
-        InputError: a value is NaN, infinite, or larger than `LARGEST_WEIGHT`.
+        InputError: a value is NaN, infinite, or, of a weight, larger than `LARGEST_WEIGHT`; with the advice.
     """
     for name, tensor in tensors.items():
         if not tensor.is_floating_point() or not tensor.numel():
             continue
         if not bool(tensor.isfinite().all()):
-            raise InputError(f"{path}: tensor '{name}' holds values that are NaN or infinite; restore the file")
-        if float(tensor.abs().max()) > LARGEST_WEIGHT:
+            raise InputError(f"{path}: tensor '{name}' holds values that are NaN or infinite; {advice}")
+        if not name.startswith(OPTIMISER_PREFIX) and float(tensor.abs().max()) > LARGEST_WEIGHT:
             raise InputError(
                 f"{path}: tensor '{name}' holds values up to {float(tensor.abs().max()):.3g}, expected at most "
-                f"{LARGEST_WEIGHT:g}; restore the file"
+                f"{LARGEST_WEIGHT:g}; {advice}"
             )
 
 

@@ -9,6 +9,7 @@ import torch
 from pydantic import ValidationError
 
 from pipeline.errors import InputError
+from pipeline.learning import weights
 from pipeline.learning.chunk_loader import ChunkLoader
 from pipeline.learning.initial import initialise
 from pipeline.learning.settings import Schedule
@@ -172,6 +173,55 @@ def test_the_best_validated_weights_are_kept():
     assert [row["validation_score"] for row in trained.curve if "validation_score" in row] == [3.0, 1.0, 2.0]
     stopped = run(replace(SCHEDULE, constant_lr_fraction=0.0), stop_after=40)
     assert torch.equal(weights_of(trained), weights_of(stopped))
+
+
+@pytest.mark.parametrize("first_bad", [21, 25, 30])
+@pytest.mark.parametrize("stop_after", [None, 35])
+def test_a_training_that_diverges_is_an_error_and_keeps_the_last_good_checkpoint(tmp_path, first_bad, stop_after):
+    """Ended as if it had succeeded, with weights that are NaN."""
+
+    def diverging(model, batch):
+        value, measures = loss(model, batch)
+        diverging.calls += 1
+        return (value * float("nan") if diverging.calls >= first_bad else value), measures
+
+    diverging.calls = 0
+    with pytest.raises(InputError, match=r"the loss is not finite at step 30; lower schedule\.learning_rate"):
+        train(network(), diverging, loader(), SCHEDULE, folder=tmp_path, stop_after=stop_after)
+    run(folder=tmp_path / "good", stop_after=20)
+    assert (tmp_path / CHECKPOINT).read_bytes() == (tmp_path / "good" / CHECKPOINT).read_bytes()
+    assert torch.equal(weights_of(run(folder=tmp_path)), weights_of(run()))
+
+
+def test_a_training_stopped_as_it_diverges_keeps_no_checkpoint(tmp_path):
+    def diverging(model, batch):
+        return loss(model, batch)[0] * float("inf"), {}
+
+    with pytest.raises(InputError, match="the loss is not finite at step 3;"):
+        train(network(), diverging, loader(), SCHEDULE, folder=tmp_path, stop_after=3)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_score_that_is_not_finite_is_an_error(tmp_path):
+    """No comparison finds it smaller, so that the weights of the last step were taken."""
+    scores = iter([3.0, float("nan")])
+    with pytest.raises(InputError, match="the validation's error is not finite at step 40; lower"):
+        run(folder=tmp_path, validate=lambda model: {"error": next(scores)}, score="error")
+    assert weights.details(tmp_path / CHECKPOINT)["step"] == 20
+
+
+def test_weights_that_are_not_finite_are_not_kept(tmp_path):
+    """The loss is of the weights before the step, which may be the last one."""
+
+    def steep(model, batch):
+        value, measures = loss(model, batch)
+        steep.calls += 1
+        return (value + (value - value.detach()).sqrt() if steep.calls == 20 else value), measures
+
+    steep.calls = 0
+    with pytest.raises(InputError, match=r"checkpoint\.safetensors: tensor 'model\..*' holds values that are NaN"):
+        train(network(), steep, loader(), SCHEDULE, folder=tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_length_may_change_while_the_rate_is_held(tmp_path):

@@ -73,9 +73,29 @@ def test_another_architecture(path):
 def test_absurd_values_are_refused(tmp_path, value, words):
     tensors = torch.nn.Linear(3, 2).state_dict()
     tensors["weight"][1, 2] = value
-    weights.save(tmp_path / "a.safetensors", tensors, "net-1")
-    with pytest.raises(InputError, match=f"tensor 'weight' holds values .*{words}"):
+    save_file(tensors, tmp_path / "a.safetensors", {"pipeline": json.dumps({"architecture": "net-1"})})
+    with pytest.raises(InputError, match=f"tensor 'weight' holds values .*{words}.*restore the file"):
         weights.load(tmp_path / "a.safetensors", "net-1")
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -1e30])
+def test_absurd_values_are_not_written(path, value):
+    before = path.read_bytes()
+    tensors = torch.nn.Linear(3, 2).state_dict()
+    tensors["bias"][1] = value
+    with pytest.raises(InputError, match=r"net\.safetensors: tensor 'bias' holds values .*not written"):
+        weights.save(path, tensors, "net-1")
+    assert path.read_bytes() == before
+
+
+def test_squared_gradients_of_a_checkpoint_may_be_large_but_not_infinite(tmp_path):
+    tensors = {"optimiser.0.exp_avg_sq": torch.tensor([1e9])}
+    weights.save(tmp_path / "a.safetensors", tensors, "net-1")
+    assert torch.equal(
+        weights.load(tmp_path / "a.safetensors", "net-1")[0]["optimiser.0.exp_avg_sq"], torch.tensor([1e9])
+    )
+    with pytest.raises(InputError, match="NaN or infinite"):
+        weights.save(tmp_path / "a.safetensors", {"optimiser.0.exp_avg_sq": torch.tensor([float("inf")])}, "net-1")
 
 
 def test_weights_changed_after_they_were_written_are_refused(path):
