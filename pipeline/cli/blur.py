@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
 
 from pipeline.cli import recording_config as shared
 from pipeline.cli.given_paths import GivenPath
+
+_PER_FRAME = re.compile(r"[+~]*(blur\.estimators\.[^.=]+\.per_frame)(=.*)?", re.DOTALL)
 
 
 @click.group("blur")
@@ -27,7 +31,12 @@ def command() -> None:
 @shared.to_option
 @click.option("--join", is_flag=True, help="keep what the folder has of other estimators, measured on the same")
 @click.option("--frames", "frame_count", type=click.IntRange(min=2), help="of the frames with patches, this many only")
-@click.option("--patches", "patches_per_frame", type=click.IntRange(min=1), help="of each frame, this many only")
+@click.option(
+    "--patches",
+    "patches_per_frame",
+    type=click.IntRange(min=1),
+    help="of each frame, this many only; per_frame in conf/ is for the stages",
+)
 @shared.keep_option
 @shared.source_option
 @shared.workers_option
@@ -52,6 +61,7 @@ def record_command(
     from pipeline.recording.blur import RESULTS, record
     from pipeline.recording.kept_results import keeping
 
+    _refuse_per_frame(overrides)
     config = shared.recording_config(overrides, out, dataset, RESULTS, keep, estimators=estimators)
     metrics = record(
         config,
@@ -68,6 +78,18 @@ def record_command(
         means = ", ".join(f"{way} {numbers['mean_amae_percent']:.2f} %" for way, numbers in sorted(ways.items()))
         click.echo(f"{name}: mean AMAE {means}")
     click.echo(f"written to {out}")
+
+
+def _refuse_per_frame(overrides: Sequence[str]) -> None:
+    """Raises InputError for an override of how many patches the stages take of a frame, which a record ignores."""
+    from pipeline.errors import InputError
+
+    for override in overrides:
+        if setting := _PER_FRAME.fullmatch(override):
+            raise InputError(
+                f"{setting[1]}: a setting of the stages, without effect on a record; --patches measures fewer patches "
+                "of each frame"
+            )
 
 
 @command.command("summarise")

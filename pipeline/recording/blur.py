@@ -84,7 +84,8 @@ def record(
         run_map: see `pipeline.executor.run_map`; changes no result.
         join: keep what the folder has of other estimators.
         frame_count: of the frames with patches, how many these estimators are run on, evenly spread; None for all.
-        patches_per_frame: how many of the patches of such a frame; None for all.
+        patches_per_frame: how many of the patches of such a frame; None for all. `per_frame` of the estimators in the
+            configuration, which is for the stages, has no effect; the provenance has this number in its place.
 
     Returns:
         estimator -> metrics of those measured: see `pipeline.experiments.metrics.table_one_metrics`.

@@ -57,6 +57,8 @@ def test_neither_pictures_nor_finished_frames_are_replaced(pictures: Path, tmp_p
         (["datasets.mine.root=/nowhere", "--estimator", "spectral"], "mine", "/nowhere"),
         (["psf=paper", "psf.folder=/nowhere"], "mine", "psf.folder=/nowhere: no such folder"),
         (["psf=papers"], "mine", "papers"),
+        (["blur.estimators.gbb.per_frame=2"], "mine", "blur.estimators.gbb.per_frame: a setting of the stages"),
+        (["++blur.estimators.spectral.per_frame=null"], "mine", "--patches measures fewer patches of each frame"),
     ],
 )
 def test_mistakes_get_one_clear_line(pictures: Path, tmp_path: Path, more: list[str], dataset: str, said: str) -> None:
