@@ -27,5 +27,6 @@ def command(network: str, out: Path) -> None:
     for kind, shapes in (("input", exported.inputs), ("output", exported.outputs)):
         for name, shape in shapes.items():
             click.echo(f"{kind:6} {name:14} {' x '.join(map(str, shape))}")
+    click.echo(f"weights {network}.safetensors, SHA-256 {exported.weights_sha256}")
     click.echo(f"largest difference from PyTorch {exported.difference:.1e} of an output's largest value")
     click.echo(f"written to {out}: {exported.description}")

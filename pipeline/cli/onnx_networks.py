@@ -51,12 +51,14 @@ class Exported:
         inputs, outputs: name -> shape, with ``N`` for the batch.
         difference: largest difference from PyTorch, as a fraction of the output's largest value (or of 1).
         description: of the network.
+        weights_sha256: of the weight file that it was made from.
     """
 
     inputs: dict[str, tuple[Any, ...]]
     outputs: dict[str, tuple[Any, ...]]
     difference: float
     description: str
+    weights_sha256: str
 
 
 def _spectral_features(patches: torch.Tensor) -> dict[str, torch.Tensor]:
@@ -162,12 +164,14 @@ def export(name: str, path: Path) -> Exported:
         path: the file; replaced.
 
     Returns:
-        inputs, outputs and the largest difference.
+        inputs, outputs, the largest difference, and the SHA-256 of the weights.
 
     Raises:
         InputError: no such network, a package is missing, or the outputs differ by more than `LARGEST_DIFFERENCE`.
     """
-    from pipeline.store import replacing
+    from pipeline.project_files import located
+    from pipeline.store import file_sha256, replacing
+    from pipeline.weight_files import active
 
     if name not in NETWORKS:
         raise InputError(f"network '{name}': unknown; {did_you_mean(name, NETWORKS)}")
@@ -183,7 +187,8 @@ def export(name: str, path: Path) -> Exported:
             raise InputError(f"network '{name}': its ONNX outputs differ by {difference:.2g} of their range")
     inputs = {key: ("N", *value.shape[1:]) for key, value in other.items()}
     outputs = {key: ("N", *value.shape[1:]) for key, value in zip(network.outputs, expected, strict=True)}
-    return Exported(inputs, outputs, difference, network.description)
+    weights_sha256 = file_sha256(active(located(f"data/weights/{name}.safetensors")))
+    return Exported(inputs, outputs, difference, network.description, weights_sha256)
 
 
 def example_patches(count: int, side_px: int) -> torch.Tensor:

@@ -1,5 +1,7 @@
 """Exported networks equal the originals, for batches of any size; what cannot be exported is one clear line."""
 
+import hashlib
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -7,6 +9,7 @@ from click.testing import CliRunner
 from pipeline.cli import main, onnx_networks
 from pipeline.cli.onnx_networks import NETWORKS, example_patches, largest_difference, original_outputs, run
 from pipeline.errors import InputError
+from pipeline.project_files import located
 
 pytest.importorskip("onnxruntime", reason="ONNX Runtime is not installed, which runs the exported networks")
 pytest.importorskip("onnx", reason="the extra onnx is not installed, which writes the exported networks")
@@ -16,6 +19,8 @@ pytest.importorskip("onnx", reason="the extra onnx is not installed, which write
 def test_an_exported_network_equals_the_original(name, tmp_path):
     done = CliRunner().invoke(main, ["export", name, "--out", str(tmp_path / "network.onnx")])
     assert done.exit_code == 0, done.output
+    weights = located(f"data/weights/{name}.safetensors").read_bytes()
+    assert f"weights {name}.safetensors, SHA-256 {hashlib.sha256(weights).hexdigest()}\n" in done.output
     network = NETWORKS[name]
     for count in (1, 5):
         inputs = network.features(example_patches(count, network.side_px))
