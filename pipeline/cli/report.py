@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +34,9 @@ def command() -> None:
 def diff(before: Path, after: Path, tolerance_percent: float, most: int, as_json: bool, fail: bool) -> None:
     """Compare the metrics of two reports: folders reports/ (or reports/metrics, or single JSON files).
 
-    Prints how many numbers are equal, changed, added and removed, per stage, then the largest relative changes. Exit
-    codes: 0, or 3 with --fail where anything differs.
+    Prints how many numbers are equal, changed, added and removed, per stage, then the changes: first those
+    without a ratio (a number that was 0, or that is missing or not finite in either report), then the largest relative
+    ones. Exit codes: 0, or 3 with --fail where anything differs.
     """
     old, new = metrics(before), metrics(after)
     changes = compare(old, new, tolerance_percent / 100)
@@ -60,7 +62,7 @@ def diff(before: Path, after: Path, tolerance_percent: float, most: int, as_json
             ratio = "" if change["relative"] is None else f"{100 * change['relative']:+9.2f}"
             click.echo(f"{_text(change['before']):>12} {_text(change['after']):>12} {ratio:>9}  {change['name']}")
         if len(changes) > len(shown):
-            click.echo(f"... and {len(changes) - len(shown)} smaller changes (--most 0 lists all)")
+            click.echo(f"... and {len(changes) - len(shown)} more changes (--most 0 lists all)")
         for word, names in (("added", new.keys() - old.keys()), ("removed", old.keys() - new.keys())):
             files = sorted({name.split(":")[0] for name in names})
             if files:
@@ -100,7 +102,7 @@ def metrics(path: Path) -> dict[str, Any]:
 
 
 def compare(old: dict[str, Any], new: dict[str, Any], tolerance: float) -> list[dict[str, Any]]:
-    """Numbers of both that differ by more than a relative tolerance, largest relative change first.
+    """Numbers of both that differ by more than a relative tolerance: those without a ratio, then the largest changes.
 
     Args:
         old: of `metrics`.
@@ -108,7 +110,8 @@ def compare(old: dict[str, Any], new: dict[str, Any], tolerance: float) -> list[
         tolerance: fraction of the old number.
 
     Returns:
-        rows with ``name``, ``before``, ``after`` and ``relative`` (None where the old number is 0 or one is no number).
+        rows with ``name``, ``before``, ``after`` and ``relative`` (None where the old number is 0 or one is no finite
+        number).
     """
     rows = []
     for name in sorted(old.keys() & new.keys()):
@@ -117,10 +120,12 @@ def compare(old: dict[str, Any], new: dict[str, Any], tolerance: float) -> list[
         if before == after or (numbers and before != before and after != after):
             continue
         relative = (after - before) / abs(before) if numbers and before else None
+        if relative is not None and not isfinite(relative):
+            relative = None
         if relative is not None and abs(relative) <= tolerance:
             continue
         rows.append({"name": name, "before": before, "after": after, "relative": relative})
-    return sorted(rows, key=lambda row: (row["relative"] is None, -abs(row["relative"] or 0.0), row["name"]))
+    return sorted(rows, key=lambda row: (row["relative"] is not None, -abs(row["relative"] or 0.0), row["name"]))
 
 
 def _leaves(content: Any, start: str = "") -> list[tuple[str, Any]]:

@@ -115,13 +115,28 @@ def test_report_diff_lists_the_largest_changes_first(tmp_path):
     assert done.output.splitlines()[0] == "1 equal, 3 changed, 1 added, 1 removed"
     names = [line.split()[-1] for line in done.output.splitlines() if line]
     order = [name for name in names if ":" in name and not name.endswith(":")]
-    assert order == ["noise:pca.mae", "blur:amae", "blur:zero"]
+    assert order == ["blur:zero", "noise:pca.mae", "blur:amae"]
     assert "+50.00" in done.output and "-5.00" in done.output
     assert call("report", "diff", old, new, "--fail").exit_code == 3
     assert call("report", "diff", old, old, "--fail").exit_code == 0
     tolerant = json.loads(call("report", "diff", old, new, "--tolerance-percent", 10, "--json").stdout)
-    assert [row["name"] for row in tolerant["changes"]] == ["noise:pca.mae", "blur:zero"]
+    assert [row["name"] for row in tolerant["changes"]] == ["blur:zero", "noise:pca.mae"]
     assert tolerant["added_names"] == ["blur:came"] and tolerant["removed_names"] == ["blur:gone"]
+
+
+def test_report_diff_lists_numbers_that_vanished_first_and_calls_no_change_smaller(tmp_path):
+    nan, small = float("nan"), {f"small {number}": 1.0 for number in range(9)}
+    old = {**small, "lost": 0.37, "was 0": 0, "no number": nan, "to no number": 2.0, "large": 1.0, "endless": 1.0}
+    new = {**dict.fromkeys(small, 1.001), "lost": None, "was 0": 9, "no number": 1.0, "to no number": nan,
+           "large": 3.0, "endless": float("inf")}  # fmt: skip
+    changes = compare(old, new, 0.0)
+    without_ratio = ["endless", "lost", "no number", "to no number", "was 0"]
+    assert [row["name"] for row in changes] == [*without_ratio, "large", *small]
+    assert [row["relative"] for row in changes][:6] == [*[None] * 5, 2.0]
+    roots = (write(tmp_path / name, noise=content) for name, content in (("a", old), ("b", new)))
+    done = call("report", "diff", *roots, "--most", 5)
+    assert [line.split(":")[-1] for line in done.output.splitlines() if " noise:" in line] == without_ratio
+    assert "... and 10 more changes (--most 0 lists all)" in done.output
 
 
 def test_report_diff_takes_folders_of_metrics_and_single_files_and_refuses_others(tmp_path):
