@@ -120,7 +120,8 @@ def command(**given: Any) -> None:
     """
     from pipeline import freed_memory
     from pipeline.cli.frame_analysis import find_surface
-    from pipeline.cli.health_files import HealthFiles, HealthRun
+    from pipeline.cli.health_files import SUFFIXES, HealthFiles, HealthRun
+    from pipeline.cli.outputs import OutputFolder
     from pipeline.cli.set_aside import SetAside
     from pipeline.executor import one_thread
 
@@ -133,12 +134,16 @@ def command(**given: Any) -> None:
     set_aside = SetAside()
     run = HealthRun(about, set_aside=set_aside.reasons, without_precision=without_precision)
     with ExitStack() as stack:
-        results = None
+        folder = results = None
         if options.out is not None:
-            results = stack.enter_context(HealthFiles(options.out, [*files, *sharp_files], run, maps=options.maps))
+            folder = OutputFolder(options.out, "--out", [*files, *sharp_files])
+            stack.push(folder)  # not entered yet: earlier results stay until no option can be refused any more
+            folder.refuse_foreign_files([f"health{suffix}" for suffix in SUFFIXES])
         monitor, sharp_sizes = _monitor(options, about)
         analysis = _analysis(options, monitor, performance)
         run.trend_alarms = analysis.trend_alarms
+        if folder is not None:
+            results = stack.enter_context(HealthFiles(stack.enter_context(folder), run, maps=options.maps))
         if not options.as_lines:
             stack.callback(_print_run, run, options.as_json)
         _analyse(options, analysis, run, results, set_aside, sharp_sizes)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +13,9 @@ from pipeline.cli.health_rows import WRITTEN
 from pipeline.cli.health_verdict import run_verdict
 from pipeline.cli.outputs import LineFile, OutputFolder, RowFile
 from pipeline.cli.pictures import result_stem
+
+SUFFIXES = (".csv", ".jsonl", ".json", ".html")
+"""Of the files ``health``."""
 
 if TYPE_CHECKING:
     import numpy as np
@@ -76,8 +77,7 @@ class HealthFiles:
     """``health.csv`` and ``health.jsonl``, complete after every frame; ``health.json`` and ``health.html`` at the end.
 
     Args:
-        path: the folder.
-        inputs: files the run reads.
+        folder: that they go to, entered.
         run: what the JSON and the page state of it.
         maps: whether every frame is drawn with its maps; else only the worst are, on the page.
 
@@ -85,10 +85,9 @@ class HealthFiles:
         OutputError: the folder cannot be written.
     """
 
-    def __init__(self, path: Path, inputs: Sequence[Path], run: HealthRun, *, maps: bool = False) -> None:
-        self._folder = OutputFolder(path, "--out", inputs)
-        suffixes = (".csv", ".jsonl", ".json", ".html")
-        table, lines, self._json, self.page = (self._folder.claim("health", suffix) for suffix in suffixes)
+    def __init__(self, folder: OutputFolder, run: HealthRun, *, maps: bool = False) -> None:
+        self._folder = folder
+        table, lines, self._json, self.page = (folder.claim("health", suffix) for suffix in SUFFIXES)
         self._table, self._lines = RowFile(table, WRITTEN), LineFile(lines)
         self._run, self._frames, self._maps = run, PageFrames(_draw), maps
 
@@ -103,12 +102,9 @@ class HealthFiles:
 
         self._table.__exit__(kind, error, trace)
         self._lines.__exit__(kind, error, trace)
-        try:
-            content = self._run.content(complete=kind is None)
-            write_json(self._json, content)
-            write_text(self.page, page(content, self._frames))
-        finally:
-            self._folder.__exit__(kind, error, trace)
+        content = self._run.content(complete=kind is None)
+        write_json(self._json, content)
+        write_text(self.page, page(content, self._frames))
 
     def add(self, row: dict[str, Any], image: NDArray[np.float32], condition: Condition) -> None:
         """Append a frame's row, and draw its maps where every frame's are wanted."""

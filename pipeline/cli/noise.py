@@ -73,11 +73,11 @@ def command(
         )
     files = expand(paths)
     set_aside = SetAside()
+    if table is not None:
+        refuse_input(table, "--csv", files)
+        refuse_foreign_file(table, "--csv", ",".join(COLUMNS[:4]))
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(OutputFolder(maps, "--map", files)) if maps is not None else None
-        if table is not None:
-            refuse_input(table, "--csv", files)
-            refuse_foreign_file(table, "--csv", ",".join(COLUMNS[:4]))
         rows = stack.enter_context(RowFile(table, COLUMNS)) if table is not None else None
         click.echo(f"{'sigma DN':>9} {'at most':>7} {'min':>7} {'max':>7} {'tiles':>6} {'abstained':>9}  picture")
         frames = readable(files, every, least_px=least_side_px(method))

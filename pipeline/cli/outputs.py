@@ -29,12 +29,12 @@ class OutputError(InputError):
 
 
 class OutputFolder:
-    """A folder for the results of one run.
+    """A folder for the results of one run, checked and locked when it is made; entering it removes earlier results.
 
     Args:
         path: the folder; made if it is absent.
         option: the command-line option that named it, for messages.
-        inputs: files the command reads; none of them may be a result of the last run, which is removed.
+        inputs: files the command reads; none of them may be an earlier result, which is removed.
 
     Raises:
         OutputError: the folder cannot be made or written, another run writes there, or an input would be removed.
@@ -50,18 +50,35 @@ class OutputFolder:
             raise OutputError(f"{option} {path}: cannot write there ({error.strerror}); name another folder") from None
         try:
             self._lock()
-            self._remove_earlier(inputs)
+            self._read_list(inputs)
         except BaseException:
             self._list.close()
             raise
 
     def __enter__(self) -> OutputFolder:
+        self._remove_earlier()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._list.close()
+
+    def refuse_foreign_files(self, names: Sequence[str]) -> None:
+        """Refuse results that would overwrite a file which no earlier run of this command wrote.
+
+        Args:
+            names: of the results.
+
+        Raises:
+            OutputError: one would.
+        """
+        for target in (self.path / name for name in names):
+            if target.exists() and target not in self._earlier:
+                raise OutputError(
+                    f"{self.option} {self.path}: would overwrite {target}, which no earlier run of this command wrote; "
+                    "name another folder"
+                )
 
     @property
     def any_claimed(self) -> bool:
@@ -83,18 +100,13 @@ class OutputFolder:
             number += 1
             name = f"{stem}-{number}{suffix}"
         self._taken.add(name.casefold())
-        target = self.path / name
-        if target.exists():
-            raise OutputError(
-                f"{self.option} {self.path}: would overwrite {target}, which no earlier run of this command wrote; "
-                "name another folder"
-            )
+        self.refuse_foreign_files([name])
         try:
             self._list.write(f"{json.dumps(name)}\n")  # a name may hold line breaks
             self._list.flush()
         except OSError as error:
             raise OutputError(f"{self.option} {self.path}: cannot write there ({error.strerror})") from None
-        return target
+        return self.path / name
 
     def claim_all(self, stem: str, suffixes: Sequence[str], reserved: Collection[str] = ()) -> list[Path]:
         """Files of one stem and several suffixes, none of which another result of this run has.
@@ -123,20 +135,23 @@ class OutputFolder:
         except OSError:
             raise OutputError(f"{self.option} {self.path}: another run writes there; name another folder") from None
 
-    def _remove_earlier(self, inputs: Sequence[Path]) -> None:
+    def _read_list(self, inputs: Sequence[Path]) -> None:
         self._list.seek(0)
         names = [_listed_name(line.rstrip("\n")) for line in self._list]
-        earlier = [self.path / name for name in names if name and Path(name).name == name]
+        self._earlier = [self.path / name for name in names if name and Path(name).name == name]
         read = {file.resolve() for file in inputs}
-        for file in earlier:
+        for file in self._earlier:
             if file.resolve() in read:
                 raise OutputError(
                     f"{self.option} {self.path}: would overwrite its input {file}, a result of the last run; "
                     "name another folder"
                 )
-        for file in earlier:
+
+    def _remove_earlier(self) -> None:
+        for file in self._earlier:
             if file.is_file() or file.is_symlink():
                 file.unlink()
+        self._earlier = []
         self._list.truncate(0)
 
 

@@ -438,12 +438,17 @@ def test_a_pipe_is_called_one(tmp_path):
     ("error", "code", "words"), [(KeyboardInterrupt(), 130, "interrupt"), (InputError("no plug-in"), 2, "no plug-in")]
 )
 def test_a_run_that_ends_before_its_first_frame_says_why(tmp_path, monkeypatch, error, code, words):
-    """The page is written all the same, without a frame."""
+    """Of one that ends before any can be measured, nothing is written; of another the page, without a frame."""
 
     def refuse(*given, **options):
         raise error
 
-    monkeypatch.setattr("pipeline.condition.ConditionMonitor", refuse)
-    done = call(write(tmp_path / "a.png", 5.0), "--out", tmp_path / "out")
-    assert done.exit_code == code and words in done.output.lower() and "Traceback" not in done.output
-    assert json.loads((tmp_path / "out/health.json").read_text())["complete"] is False
+    path, out = write(tmp_path / "a.png", 5.0), tmp_path / "out"
+    for function, results in (("ConditionMonitor", set()), ("frame_flags.measure", {"health.json", "health.html"})):
+        with monkeypatch.context() as patch:
+            patch.setattr(f"pipeline.condition.{function}", refuse)
+            done = call(path, "--out", out)
+        assert done.exit_code == code and words in done.output.lower() and "Traceback" not in done.output
+        assert {file.name for file in out.iterdir() if file.suffix in (".json", ".html")} == results
+    content = json.loads((out / "health.json").read_text())
+    assert content["pictures"] == [] and content["complete"] == (code == 2)  # a frame that is refused is set aside

@@ -18,7 +18,8 @@ from click.testing import CliRunner
 from data_makers import picture
 from interrupts import heed_interrupts
 
-from pipeline.cli import main
+from pipeline.cli import camera_store, main
+from pipeline.cli.camera_store import StoredCamera
 from pipeline.cli.outputs import LIST_NAME, OutputError, OutputFolder, RowFile, plain_text, refuse_foreign
 
 FULL_DISK = Path("/dev/full")
@@ -121,6 +122,52 @@ def test_foreign_files_and_inputs_are_never_overwritten_or_removed(tmp_path):
     linked.hardlink_to(a)
     done = call("noise", a, "--csv", linked, "--estimator", "pca")
     assert done.exit_code == 2 and "would overwrite an input" in done.output and a.stat().st_size > 1000
+
+
+def contents(folder):
+    """Files of results, by name."""
+    return {file.name: file.read_bytes() for file in folder.iterdir() if file.name != LIST_NAME}
+
+
+def test_wrong_options_are_refused_before_the_results_of_the_last_run_go(tmp_path, monkeypatch):
+    monkeypatch.setenv("CAMERA_MONITOR_HOME", str(tmp_path / "home"))
+    camera_store.save(StoredCamera("front", "sharp frames", "gbb", {}, (200, 256), 1, [[1.0] * 8] * 2, None, "1"))
+    a, grey, out = save(tmp_path / "a.png"), tmp_path / "grey.png", tmp_path / "out"
+    assert cv2.imwrite(str(grey), np.full((200, 256), 128, np.uint8))
+    assert call("health", a, "--out", out, "--noise", "pca").exit_code == 0
+    before = contents(out)
+    for option, value, words in (
+        ("--noise", "adptive", "did you mean 'adaptive'"),
+        ("--blur", "spektral", "did you mean 'spectral'"),
+        ("--sharp", grey, "no patch has structure"),
+        ("--exposure", 16, "--exposure"),
+        ("--camera", "front", "was calibrated for the estimator gbb"),
+    ):
+        refused = call("health", a, "--out", out, option, value)
+        assert refused.exit_code == 2 and words in refused.output, refused.output
+        assert contents(out) == before and "health.json" in before, option
+    assert call("health", a, "--out", out, "--noise", "pca").exit_code == 0
+    assert contents(out).keys() == before.keys()
+
+
+def test_a_folder_is_checked_before_a_calibration(tmp_path, monkeypatch):
+    """Which may take minutes."""
+    monkeypatch.setattr("pipeline.condition.ConditionMonitor.calibrate", lambda *given, **options: pytest.fail())
+    a, out = save(tmp_path / "a.png"), tmp_path / "out"
+    out.mkdir()
+    (out / "health.json").write_text("{}")
+    refused = call("health", a, "--sharp", a, "--out", out)
+    assert refused.exit_code == 2 and "health.json, which no earlier run of this command wrote" in refused.output
+    with OutputFolder(out):
+        assert "another run writes there" in call("health", a, "--sharp", a, "--out", out).output
+
+
+def test_a_refused_table_leaves_the_maps_of_the_last_run(tmp_path):
+    a, maps = save(tmp_path / "a.png"), tmp_path / "maps"
+    assert call("noise", a, "--map", maps, "--estimator", "pca").exit_code == 0
+    before = contents(maps)
+    assert "would overwrite an input" in call("noise", a, "--map", maps, "--csv", a, "--estimator", "pca").output
+    assert contents(maps) == before and len(before) == 1
 
 
 def test_a_table_replaces_tables_of_the_same_command_only(tmp_path):
