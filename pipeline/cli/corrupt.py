@@ -28,7 +28,7 @@ SMOOTHED_NOTE = (
 @click.argument("paths", nargs=-1, required=True, type=GivenPath())
 @click.option(
     "--out", required=True, type=GivenPath(),
-    help="folder for the pictures and their truth; results of the last run there go",
+    help="folder for the pictures and their truth; those of its last run there go",
 )  # fmt: skip
 @click.option("--noise-source", default="combined", show_default=True, help="photon, dcsn, readout, combined or sensor")
 @click.option(

@@ -65,7 +65,7 @@ def write_each(
 
     set_aside = SetAside()
     kept = stems_kept(files, ".png")
-    with OutputFolder(out, "--out", files) as folder:
+    with OutputFolder(out, "corrupt", "--out", files) as folder:
         click.echo(f"{header}  picture -> file")
         for name, image, problem in tqdm(frames, delay=2, leave=False, unit=" frames"):
             stem = result_stem(name)

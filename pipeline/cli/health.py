@@ -34,7 +34,7 @@ ALARM = 3  # exit code
 @click.argument("paths", nargs=-1, required=True, type=GivenPath())
 @click.option(
     "--out", type=GivenPath(),
-    help="folder for the tables and the page health.html with maps of the worst frames; the last run's results go",
+    help="folder for the tables and the page health.html with maps of the worst frames; those of its last run there go",
 )  # fmt: skip
 @click.option(
     "--map", "maps", is_flag=True,
@@ -136,7 +136,7 @@ def command(**given: Any) -> None:
     with ExitStack() as stack:
         folder = results = None
         if options.out is not None:
-            folder = OutputFolder(options.out, "--out", [*files, *sharp_files])
+            folder = OutputFolder(options.out, "health", "--out", [*files, *sharp_files])
             stack.push(folder)  # not entered yet: earlier results stay until no option can be refused any more
             folder.refuse_foreign_files([f"health{suffix}" for suffix in SUFFIXES])
         monitor, sharp_sizes = _monitor(options, about)

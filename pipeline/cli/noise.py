@@ -36,7 +36,7 @@ COLUMNS = (
 @click.option("--csv", "table", type=GivenPath(), help="also write one row per tile here")
 @click.option(
     "--map", "maps", type=GivenPath(),
-    help="folder for pictures with the tiles' noise drawn in; those of the last run there go",
+    help="folder for pictures with the tiles' noise drawn in; those of its last run there go",
 )  # fmt: skip
 @codec_option
 def command(
@@ -77,7 +77,7 @@ def command(
         refuse_input(table, "--csv", files)
         refuse_foreign_file(table, "--csv", ",".join(COLUMNS[:4]))
     with contextlib.ExitStack() as stack:
-        folder = stack.enter_context(OutputFolder(maps, "--map", files)) if maps is not None else None
+        folder = stack.enter_context(OutputFolder(maps, "noise", "--map", files)) if maps is not None else None
         rows = stack.enter_context(RowFile(table, COLUMNS)) if table is not None else None
         click.echo(f"{'sigma DN':>9} {'at most':>7} {'min':>7} {'max':>7} {'tiles':>6} {'abstained':>9}  picture")
         frames = readable(files, every, least_px=least_side_px(method))

@@ -1,7 +1,7 @@
 """The results of one command: a folder checked before anything is computed, unique names, rows written as they come.
 
-A folder remembers in a small list which files the last run wrote into it. The next run removes exactly these, so that
-no old picture lies beside a new table, and refuses to overwrite anything else.
+A folder remembers in a small list which files the last run of each command wrote into it. Its next run removes
+exactly these, so that no old picture lies beside a new table, and refuses to overwrite anything else.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ class OutputFolder:
 
     Args:
         path: the folder; made if it is absent.
+        command: that writes there, e.g. ``"health"``; the results of others are kept.
         option: the command-line option that named it, for messages.
         inputs: files the command reads; none of them may be an earlier result, which is removed.
 
@@ -40,8 +41,8 @@ class OutputFolder:
         OutputError: the folder cannot be made or written, another run writes there, or an input would be removed.
     """
 
-    def __init__(self, path: Path, option: str = "--out", inputs: Sequence[Path] = ()) -> None:
-        self.path, self.option = path, option
+    def __init__(self, path: Path, command: str, option: str = "--out", inputs: Sequence[Path] = ()) -> None:
+        self.path, self.command, self.option = path, command, option
         self._taken: set[str] = set()
         try:
             path.mkdir(parents=True, exist_ok=True)
@@ -102,7 +103,7 @@ class OutputFolder:
         self._taken.add(name.casefold())
         self.refuse_foreign_files([name])
         try:
-            self._list.write(f"{json.dumps(name)}\n")  # a name may hold line breaks
+            self._list.write(_line(self.command, name))
             self._list.flush()
         except OSError as error:
             raise OutputError(f"{self.option} {self.path}: cannot write there ({error.strerror})") from None
@@ -137,8 +138,10 @@ class OutputFolder:
 
     def _read_list(self, inputs: Sequence[Path]) -> None:
         self._list.seek(0)
-        names = [_listed_name(line.rstrip("\n")) for line in self._list]
-        self._earlier = [self.path / name for name in names if name and Path(name).name == name]
+        listed = [_listed(line.rstrip("\n")) for line in self._list]
+        listed = [(command, name) for command, name in listed if name and Path(name).name == name]
+        self._others = [(command, name) for command, name in listed if command not in ("", self.command)]
+        self._earlier = [self.path / name for command, name in listed if command in ("", self.command)]
         read = {file.resolve() for file in inputs}
         for file in self._earlier:
             if file.resolve() in read:
@@ -153,6 +156,8 @@ class OutputFolder:
                 file.unlink()
         self._earlier = []
         self._list.truncate(0)
+        self._list.writelines(_line(command, name) for command, name in self._others if (self.path / name).exists())
+        self._list.flush()
 
 
 def stems_kept(files: Sequence[Path], suffix: str) -> frozenset[str]:
@@ -165,12 +170,23 @@ def stems_kept(files: Sequence[Path], suffix: str) -> frozenset[str]:
     return frozenset(file.stem.casefold() for file in files if file.suffix == suffix)
 
 
-def _listed_name(line: str) -> str:
-    """A name in the list of files: as JSON text, or as it is where an earlier version wrote it."""
+def _line(command: str, name: str) -> str:
+    """A line of the list of files, as JSON since a name may hold line breaks."""
+    return f"{json.dumps([command, name])}\n"
+
+
+def _listed(line: str) -> tuple[str, str]:
+    """Command and name in a line of the list of files.
+
+    Earlier versions wrote the name alone, as JSON text or as it is: the command is then empty, and may be any.
+    """
     with contextlib.suppress(ValueError):
-        if line.startswith('"') and isinstance(name := json.loads(line), str):
-            return name
-    return line
+        match json.loads(line):
+            case [str(command), str(name)]:
+                return command, name
+            case str(name):
+                return "", name
+    return "", line
 
 
 def refuse_input(path: Path, option: str, inputs: Sequence[Path]) -> None:

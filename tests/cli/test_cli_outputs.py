@@ -88,11 +88,51 @@ def test_names_with_line_breaks_are_listed_whole_and_break_no_table(tmp_path):
 
 
 def test_the_list_of_an_earlier_version_is_still_read(tmp_path):
-    for name in ("a.png", 'b".png', '"c', "foreign.png"):
+    for name in ("a.png", 'b".png', '"c', "d\n.png", "foreign.png"):
         (tmp_path / name).touch()
-    (tmp_path / LIST_NAME).write_text('a.png\nb".png\n"c\n')
-    with OutputFolder(tmp_path):
+    (tmp_path / LIST_NAME).write_text('a.png\nb".png\n"c\n"d\\n.png"\n')
+    with OutputFolder(tmp_path, "corrupt"):
         assert sorted(file.name for file in tmp_path.iterdir()) == [LIST_NAME, "foreign.png"]
+
+
+def test_a_folder_keeps_the_results_of_other_commands(tmp_path):
+    a, out = save(tmp_path / "a.png"), tmp_path / "out"
+    runs = [
+        (["corrupt", a, "--out", out], {"a.png", "a.json"}),
+        (["noise", a, "--map", out, "--estimator", "pca"], {"a.png.noise.png"}),
+        (["health", a, "--out", out, "--noise", "pca"], {"health.csv", "health.jsonl", "health.json", "health.html"}),
+    ]
+    results = set()
+    for arguments, written in runs:
+        assert call(*arguments).exit_code == 0
+        results |= written
+        assert {file.name for file in out.iterdir()} == results | {LIST_NAME}
+    assert call("corrupt", save(tmp_path / "b.png"), "--out", out).exit_code == 0  # replaces its own
+    results |= {"b.png", "b.json", LIST_NAME}
+    assert {file.name for file in out.iterdir()} == results - runs[0][1]
+
+
+def test_a_result_of_another_command_is_not_overwritten_and_is_taken_as_input(tmp_path):
+    out = tmp_path / "out"
+    sources = [save(tmp_path / name) for name in ("a.png", "health.png")]
+    assert call("corrupt", *sources, "--out", out).exit_code == 0  # health.json, which states the picture's noise
+    truth = (out / "health.json").read_bytes()
+    done = call("health", out / "a.png", "--out", out, "--noise", "pca")
+    assert done.exit_code == 2 and "health.json, which no earlier run of this command wrote" in done.output
+    assert (out / "health.json").read_bytes() == truth
+    assert call("corrupt", sources[0], "--out", out).exit_code == 0
+    assert call("health", out / "a.png", "--out", out, "--noise", "pca").exit_code == 0
+    assert (out / "a.png").is_file()
+
+
+def test_a_listed_file_that_was_replaced_by_another_command_is_its_own(tmp_path):
+    with OutputFolder(tmp_path, "corrupt") as folder:
+        folder.claim("a", ".png").write_text("corrupted")
+    (tmp_path / "a.png").unlink()
+    with OutputFolder(tmp_path, "health") as folder:
+        folder.claim("a", ".png").write_text("measured")
+    with OutputFolder(tmp_path, "corrupt"):
+        assert (tmp_path / "a.png").read_text() == "measured"
 
 
 def test_a_second_run_leaves_no_old_pictures_beside_a_new_table(tmp_path):
@@ -158,7 +198,7 @@ def test_a_folder_is_checked_before_a_calibration(tmp_path, monkeypatch):
     (out / "health.json").write_text("{}")
     refused = call("health", a, "--sharp", a, "--out", out)
     assert refused.exit_code == 2 and "health.json, which no earlier run of this command wrote" in refused.output
-    with OutputFolder(out):
+    with OutputFolder(out, "corrupt"):
         assert "another run writes there" in call("health", a, "--sharp", a, "--out", out).output
 
 
@@ -185,17 +225,17 @@ def test_a_table_replaces_tables_of_the_same_command_only(tmp_path):
 
 
 def test_two_runs_never_write_into_one_folder_at_once(tmp_path):
-    with OutputFolder(tmp_path / "out"), pytest.raises(OutputError, match="another run"):
-        OutputFolder(tmp_path / "out")
-    OutputFolder(tmp_path / "out").__exit__(None, None, None)  # free again
+    with OutputFolder(tmp_path / "out", "corrupt"), pytest.raises(OutputError, match="another run"):
+        OutputFolder(tmp_path / "out", "corrupt")
+    OutputFolder(tmp_path / "out", "corrupt").__exit__(None, None, None)  # free again
 
 
 def test_results_are_written_where_the_system_has_no_locks(tmp_path, monkeypatch):
     """Windows has no module `fcntl`."""
     monkeypatch.setitem(sys.modules, "fcntl", None)
-    with OutputFolder(tmp_path / "out") as folder:
+    with OutputFolder(tmp_path / "out", "corrupt") as folder:
         folder.claim("a", ".png").write_text("first")
-    with OutputFolder(tmp_path / "out") as folder:
+    with OutputFolder(tmp_path / "out", "corrupt") as folder:
         assert not (tmp_path / "out/a.png").exists()  # a result of the last run
         assert folder.claim("a", ".png").name == "a.png"
 
