@@ -32,7 +32,7 @@ def pages(tmp_path_factory) -> dict[str, str]:
         row = frame_row(number, picture=f"drive.mp4#{number}", alarms="noise, trend blur" if number > 8 else "")
         frames.add(row, np.full((192, 256), 0.4, np.float32), CONDITION)
         rows.append(row)
-    health = page(run_of(rows, set_aside=["x.png: cannot be read"]).content(complete=True), frames)
+    health = page(run_of(rows, set_aside=["x.png: cannot be read"], complete=True).content(), frames)
     folder = tmp_path_factory.mktemp("report")
     build(make_all(tmp_path_factory.mktemp("stages"), ("sim",), ("pca", "bf")), folder)
     return {"health": health, "report": (folder / "index.html").read_text(encoding="utf-8")}

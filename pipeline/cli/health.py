@@ -228,6 +228,7 @@ def _analyse(
             run.without_trend = _without_trend(analysis, options.reference_frames)
             if options.as_lines:
                 click.echo(json.dumps(plain_json(row), sort_keys=True))
+    run.complete = True
 
 
 def _end(options: HealthOptions, run: HealthRun, set_aside: SetAside) -> None:
@@ -303,14 +304,12 @@ def _drifted(analysis: FrameAnalysis, reference_frames: int) -> list[str]:
 def _print_run(run: HealthRun, as_json: bool) -> None:
     """The verdict, then the table; or everything as JSON."""
     import json
-    import sys
 
     from pipeline.cli.health_rows import HEADER, line
     from pipeline.store import plain_json
 
     if as_json:
-        content = run.content(complete=sys.exc_info()[0] is None)
-        click.echo(json.dumps(plain_json(content), indent=2, sort_keys=True))
+        click.echo(json.dumps(plain_json(run.content()), indent=2, sort_keys=True))
         return
     for sentence in run.verdict()["sentences"]:
         click.echo(sentence)

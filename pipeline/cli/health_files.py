@@ -38,6 +38,8 @@ class HealthRun:
         trend_alarms: that began (`pipeline.cli.frame_analysis.FrameAnalysis.trend_alarms`).
         without_precision: why the expected precision is unknown, or empty.
         without_trend: the sentence that states what has no trend and why, or empty.
+        complete: whether all frames were analysed; what fails after that, as where nobody reads the output, changes
+            nothing of it.
     """
 
     about: dict[str, Any]
@@ -47,6 +49,7 @@ class HealthRun:
     trend_alarms: list[dict[str, Any]] = field(default_factory=list)
     without_precision: str = ""
     without_trend: str = ""
+    complete: bool = False
 
     def verdict(self) -> dict[str, Any]:
         """The verdict on the finished frames (`pipeline.cli.health_verdict.run_verdict`)."""
@@ -56,18 +59,14 @@ class HealthRun:
             relative_to=self.about["relative_to"],
         )  # fmt: skip
 
-    def content(self, *, complete: bool) -> dict[str, Any]:
-        """The run as one JSON object.
-
-        Args:
-            complete: whether it came to its end.
-        """
+    def content(self) -> dict[str, Any]:
+        """The run as one JSON object."""
         from pipeline.camera.mtf import FREQUENCIES
 
         alarmed, undecided = (sum(bool(row[name]) for row in self.rows) for name in ("alarms", "undecided"))
         return {
             **self.about, "verdict": self.verdict(), "alarmed_frames": alarmed, "undecided_frames": undecided,
-            "complete": complete,
+            "complete": self.complete,
             "frequencies_of_nyquist": FREQUENCIES, "pictures": self.rows, "set_aside": self.set_aside,
             "trend_alarms": self.trend_alarms,
         }  # fmt: skip
@@ -102,7 +101,7 @@ class HealthFiles:
 
         self._table.__exit__(kind, error, trace)
         self._lines.__exit__(kind, error, trace)
-        content = self._run.content(complete=kind is None)
+        content = self._run.content()
         write_json(self._json, content)
         write_text(self.page, page(content, self._frames))
 

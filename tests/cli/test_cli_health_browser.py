@@ -34,7 +34,7 @@ def test_the_page_fits_phones_and_desktops(tmp_path, width_px):
         row = frame_row(number, picture=name, alarms="noise, trend blur horizontal" if number > 8 else "")
         frames.add(row, np.full((192, 256), 0.4, np.float32), CONDITION)
         rows.append(row)
-    html = page(run_of(rows, set_aside=[f"{'x' * 150}.png: cannot be read"]).content(complete=True), frames)
+    html = page(run_of(rows, set_aside=[f"{'x' * 150}.png: cannot be read"], complete=True).content(), frames)
     probed = re.sub(r"<meta http-equiv=.Content-Security-Policy.*?>", "", html).replace("</head>", f"{PROBE}</head>")
     probed = probed.replace('loading="lazy"', 'loading="eager"')  # so that the event "load" waits for every picture
     frame = f'<iframe style="border: 0; width: {width_px}px; height: 1000px" srcdoc="{escape(probed)}"></iframe>'

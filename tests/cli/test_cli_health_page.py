@@ -127,7 +127,7 @@ def test_a_page_keeps_the_worst_frames_and_few_thumbnails_of_many():
         "sequence": "v.mp4", "picture": "v.mp4#150", "quantity": "noise", "frame": 150, "since_frame": 149,
         "reference": 2.0, "level": 20.0, "words": "noise 2.0 to 20.0 DN since frame 149",
     }  # fmt: skip
-    html = page(run_of(rows, trend_alarms=[alarm]).content(complete=True), frames)
+    html = page(run_of(rows, trend_alarms=[alarm], complete=True).content(), frames)
     assert_self_contained(html)
     assert html.count("<svg") == 2 and html.count('class="mark"') == 2 and 'class="threshold"' in html
     assert "noise 2.0 to 20.0 DN since frame 149" in html and "not released" in html
@@ -137,9 +137,7 @@ def test_names_of_frames_cannot_inject_markup():
     row = frame_row(0, picture="<script>alert(1)</script>.png")
     frames = PageFrames(lambda image, condition: np.zeros((20, 20, 3), np.uint8))
     frames.add(row, np.zeros((20, 20), np.float32), CONDITION)
-    assert_self_contained(
-        page(run_of([row], set_aside=["<img src=x onerror=alert(1)>"]).content(complete=False), frames)
-    )
+    assert_self_contained(page(run_of([row], set_aside=["<img src=x onerror=alert(1)>"]).content(), frames))
 
 
 def test_the_verdict_has_what_is_known_only():

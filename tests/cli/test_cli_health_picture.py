@@ -66,7 +66,7 @@ def page_of(names: list[str], **changes: object) -> str:
     rows = [frame_row(0, picture=name, **changes) for name in names]
     for row in rows:
         frames.add(row, np.ones((20, 40), np.float32), CONDITION)
-    return page(run_of(rows).content(complete=True), frames)
+    return page(run_of(rows, complete=True).content(), frames)
 
 
 def test_captions_name_flags_and_white_frames_have_a_border():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
 import os
 import signal
@@ -281,6 +282,22 @@ def end_after_row(number, monkeypatch):
             signal.raise_signal(signal.SIGTERM)
 
     monkeypatch.setattr(RowFile, "write", write_and_end)
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [(BrokenPipeError(errno.EPIPE, "Broken pipe"), 1), (OSError(errno.ENOSPC, "full"), 2), (KeyboardInterrupt(), 130)],
+)
+def test_files_of_a_run_whose_output_cannot_be_printed_are_complete(tmp_path, monkeypatch, error, code):
+    def refuse(*given):
+        raise error
+
+    monkeypatch.setattr("pipeline.cli.health._print_run", refuse)
+    done = call("health", save(tmp_path / "a.png"), "--noise", "pca", "--out", tmp_path / "out")
+    assert done.exit_code == code
+    content = json.loads((tmp_path / "out/health.json").read_text())
+    assert content["complete"] is True and len(content["pictures"]) == 1
+    assert "run interrupted" not in (tmp_path / "out/health.html").read_text()
 
 
 def test_a_signal_while_a_frame_is_written_leaves_all_files_with_the_same_frames(tmp_path, monkeypatch):
