@@ -68,13 +68,13 @@ def command(
 
     Prints JSON lines, each with an "event": start; frame (estimates, flags, and under "state" the medians of the last
     frames in numbers and words); alarm (a threshold that begins to be violated, or a trend: noise or blur that has
-    grown since the first frames); cleared (for three frames in a row known not to be violated; an alarm stays while it
-    is undecided); undecided (for a whole window of frames a quantity was unknown, so that the alarm of its threshold
-    could not be raised); warning (a frame of another size than the camera's sharp pictures; sharp pictures that do not
-    look sharp; noise or blur that changed within the reference frames, so that its trend is compared with later ones
-    once it is steady); set_aside (a file
-    that cannot be used; in a folder also a video, or a HEIC or raw file; of a stream, once, that its frames are
-    interlaced or damaged) and no_signal; stop. Of a live source, frames that come while one is analysed are dropped.
+    grown since the first frames); cleared (three frames are known to keep the threshold, with none between them that
+    violates it; undecided frames between them do not count); undecided (for a whole window of frames a quantity was
+    unknown, so that the alarm of its threshold could not be raised); warning (a frame of another size than the camera's
+    sharp pictures; sharp pictures that do not look sharp; noise or blur that changed within the reference frames, so
+    that its trend is compared with later ones once it is steady); set_aside (a file that cannot be used; in a folder
+    also a video, or a HEIC or raw file; of a stream, once, that its frames are interlaced or damaged) and no_signal;
+    stop. Of a live source, frames that come while one is analysed are dropped.
 
     SIGINT and SIGTERM stop it after the frame at hand. Exit codes: 0 no alarm; 3 alarms; else 2 for no such source or
     a video file that is cut short or damaged.

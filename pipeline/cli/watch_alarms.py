@@ -10,14 +10,16 @@ if TYPE_CHECKING:
     from pipeline.cli.frame_analysis import Thresholds
 
 CLEAR_FRAMES = 3
-"""Frames in a row without violation that clear an alarm, so that a value close to its threshold does not flap."""
+"""Frames known to keep the threshold, with none between them that violates it, that clear an alarm, so that a value
+close to it does not flap. Undecided frames between them do not count: where some come again and again the alarm would
+never clear, and a later violation would be no event."""
 
 
 class ActiveAlarms:
     """Follows alarms from frame to frame."""
 
     def __init__(self) -> None:
-        self._kept: dict[str, int] = {}  # active alarms, each with its last frames in a row without violation
+        self._kept: dict[str, int] = {}  # active alarms, each with its frames without violation since the last one
 
     def update(self, violated: list[str], undecided: list[str]) -> tuple[list[str], list[str]]:
         """Take the alarms of the next frame.

@@ -369,6 +369,7 @@ def changes_of(seen, window, capsys):
 
 
 def test_an_alarm_stays_while_it_is_undecided(capsys):
+    """Undecided frames between three good ones do not keep it for ever: the next violation is an event again."""
     seen = [VIOLATED, UNDECIDED, VIOLATED, UNDECIDED, KEPT, UNDECIDED, KEPT, UNDECIDED, KEPT, UNDECIDED, VIOLATED]
     changes, loop = changes_of(seen, 5, capsys)
     assert changes == [("alarm", 0), ("cleared", 8), ("alarm", 10)] and loop.alarms == 2
