@@ -278,7 +278,7 @@ class FrameAnalysis:
         from pipeline.condition.trend import ConditionTrend
 
         trend = self.trends.setdefault(sequence, ConditionTrend(self.reference_frames))
-        for alarm in trend.step(row["sigma_dn"], condition.mtf.value):
+        for alarm in trend.step(row["sigma_dn"], condition.mtf.value, row["picture"]):
             self.trend_alarms.append(_alarm_row(alarm, row["picture"], sequence))
         return trend.active
 
@@ -286,7 +286,8 @@ class FrameAnalysis:
 def _alarm_row(alarm: TrendAlarm, picture: str, sequence: str) -> dict[str, Any]:
     return {
         "sequence": sequence, "picture": picture, "quantity": alarm.quantity, "frame": alarm.frame,
-        "since_frame": alarm.since_frame, "reference": alarm.reference, "level": alarm.level, "words": alarm.words(),
+        "since_frame": alarm.since_frame, "since_picture": alarm.since_picture, "reference": alarm.reference,
+        "level": alarm.level, "words": alarm.words(),
     }  # fmt: skip
 
 

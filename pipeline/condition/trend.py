@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.condition.change_point import LEAST_REFERENCE, Chart, Reference, drift
-from pipeline.errors import InputError
+from pipeline.errors import InputError, printable
 
 QUANTITIES = ("noise", "blur horizontal", "blur vertical")
 REFERENCE_FRAMES = 300
@@ -43,11 +43,12 @@ class TrendAlarm:
 
     Attributes:
         quantity: one of `QUANTITIES`.
-        frame: number of the frame that raised it, from 0, frames without estimate counted.
-        since_frame: estimated frame of the change.
+        frame: number of the frame that raised it among those analysed, from 0, frames without estimate counted.
+        since_frame: estimated frame of the change, likewise.
         reference: level in the reference period: noise in DN, or mean MTF.
         level: mean level since the change, likewise.
         noisier: of blur, whether the noise has grown too; the estimated MTF then falls a little with blur as it was.
+        since_picture: name of the estimated frame of the change; empty where frames have none.
     """
 
     quantity: str
@@ -56,11 +57,13 @@ class TrendAlarm:
     reference: float
     level: float
     noisier: bool = False
+    since_picture: str = ""
 
     def words(self) -> str:
         """One sentence."""
+        since = _frame_words(self.since_frame, self.since_picture)
         beside = "; noise has grown too, which lowers the estimate a little" if self.noisier else ""
-        return f"{_change_words(self.quantity, self.reference, self.level)} since frame {self.since_frame}{beside}"
+        return f"{_change_words(self.quantity, self.reference, self.level)} since {since}{beside}"
 
 
 @dataclass(frozen=True)
@@ -69,12 +72,15 @@ class ReferenceDrift:
 
     Attributes:
         quantity: one of `QUANTITIES`.
-        first_frame: number of the first frame of the period, from 0, frames without estimate counted.
+        first_frame: number of the first frame of the period among those analysed, from 0, frames without estimate
+            counted.
         last_frame: of its last frame.
         before: level in the first third of the period: noise in DN, or mean MTF.
         after: in its last third, likewise.
         instead: first and last frame of a later period without drift that the quantity is compared with; None while
             there is none.
+        pictures: names of the first and last frame of the period; empty where frames have none.
+        instead_pictures: of the later period, likewise.
     """
 
     quantity: str
@@ -83,12 +89,28 @@ class ReferenceDrift:
     before: float
     after: float
     instead: tuple[int, int] | None = None
+    pictures: tuple[str, str] = ("", "")
+    instead_pictures: tuple[str, str] = ("", "")
 
     def words(self) -> str:
         """What changed, when, and what the quantity is compared with instead."""
         change = _change_words(self.quantity, self.before, self.after)
-        later = "" if self.instead is None else ", compared with frames {} to {} since".format(*self.instead)
-        return f"{change} within frames {self.first_frame} to {self.last_frame}{later}"
+        later = ""
+        if self.instead is not None:
+            later = f", compared with {_period_words(self.instead, self.instead_pictures)} since"
+        return f"{change} within {_period_words((self.first_frame, self.last_frame), self.pictures)}{later}"
+
+
+def _frame_words(frame: int, picture: str) -> str:
+    """A frame by the name of its picture, or by its number where it has none."""
+    return printable(picture) if picture else f"frame {frame}"
+
+
+def _period_words(frames: tuple[int, int], pictures: tuple[str, str]) -> str:
+    """The first and last frame of a period."""
+    if not all(pictures):
+        return "frames {} to {}".format(*frames)
+    return " to ".join(printable(picture) for picture in pictures)
 
 
 def _change_words(quantity: str, before: float, after: float) -> str:
@@ -111,28 +133,28 @@ class _Quantity:
         self.chart: Chart | None = None
         self.drift: ReferenceDrift | None = None  # within the first reference
         self.steady = False  # the chart's reference is one without drift
-        self.since, self.total = 0, 0.0
-        self._first = 0  # frame that learning began with
+        self.since, self.since_picture, self.total = 0, "", 0.0
+        self._first, self._first_picture = 0, ""  # frame that learning began with
 
-    def step(self, value: float, frame: int) -> bool:
+    def step(self, value: float, frame: int, picture: str) -> bool:
         if not np.isfinite(value):
             return False
         chart = self.chart
         if not self.steady:
-            self._learn(value, frame)
+            self._learn(value, frame, picture)
         if self.chart is None or self.chart is not chart:  # a value of the reference is not charted
             return False
         begins = bool(self.chart.step(value))
         steps = int(self.chart.frames_since_zero)
         if steps <= 1:
-            self.since, self.total = frame, 0.0
+            self.since, self.since_picture, self.total = frame, picture, 0.0
         self.total += value
         return begins
 
-    def _learn(self, value: float, frame: int) -> None:
+    def _learn(self, value: float, frame: int, picture: str) -> None:
         """Take a value for the reference; a chart follows from a complete one."""
         if not self.learned:
-            self._first = frame
+            self._first, self._first_picture = frame, picture
         self.learned.append(value)
         if len(self.learned) < self.reference_frames:
             return
@@ -141,11 +163,12 @@ class _Quantity:
         self.steady = not drifted and not worsens
         if self.chart is None or self.steady:
             self.chart = Chart(Reference.of(self.learned), FRAMES_BETWEEN_FALSE_ALARMS)
+        pictures = self._first_picture, picture
         if drifted and self.drift is None:
             first, last = (_level(self.name, float(part)) for part in (before, after))
-            self.drift = ReferenceDrift(self.name, self._first, frame, first, last)
+            self.drift = ReferenceDrift(self.name, self._first, frame, first, last, pictures=pictures)
         elif self.steady and self.drift is not None:
-            self.drift = replace(self.drift, instead=(self._first, frame))
+            self.drift = replace(self.drift, instead=(self._first, frame), instead_pictures=pictures)
         self.learned = []
 
 
@@ -169,12 +192,13 @@ class ConditionTrend:
         self.frames = 0
         self._quantities = {name: _Quantity(name, reference_frames) for name in QUANTITIES}
 
-    def step(self, sigma_dn: float, mtf: NDArray[np.floating]) -> list[TrendAlarm]:
+    def step(self, sigma_dn: float, mtf: NDArray[np.floating], picture: str = "") -> list[TrendAlarm]:
         """Take the condition of the next frame.
 
         Args:
             sigma_dn: noise, DN; NaN where unknown.
             mtf: (2, 8) MTF, horizontal and vertical; NaN where unknown.
+            picture: name of the frame, by which alarms and drifts refer to it; empty for its number.
 
         Returns:
             alarms that begin with this frame.
@@ -182,7 +206,7 @@ class ConditionTrend:
         values = [float(np.log1p(sigma_dn)), *(-np.log(np.maximum(np.mean(mtf, axis=1), LEAST_MTF)))]
         alarms = []
         for (name, quantity), value in zip(self._quantities.items(), values, strict=True):
-            if quantity.step(float(value), self.frames):
+            if quantity.step(float(value), self.frames, picture):
                 alarms.append(self._alarm(name, quantity))
         self.frames += 1
         return alarms
@@ -222,4 +246,4 @@ class ConditionTrend:
             _level(name, value) for value in (float(quantity.chart.reference.mean), quantity.total / steps)
         )
         noisier = name != "noise" and "noise" in self.active
-        return TrendAlarm(name, self.frames, quantity.since, reference, level, noisier)
+        return TrendAlarm(name, self.frames, quantity.since, reference, level, noisier, quantity.since_picture)

@@ -250,6 +250,20 @@ def test_a_series_that_worsens_raises_a_trend_alarm_with_exit_code_and_a_steady_
     assert analysis.trend_alarms[0]["frame"] >= 120
 
 
+def test_a_trend_alarm_names_the_picture_and_so_the_video_that_the_change_began_with():
+    """Of every second frame of two videos."""
+    generator, analysis = stream(0, "named"), FrameAnalysis(KnownMonitor(), Thresholds(), reference_frames=100)
+    for name, change in (("a.mkv", 120), ("b.mkv", 110)):
+        for number in range(130):
+            level = (0.2 if number < change else 0.6) * (1 + 0.02 * generator.standard_normal())
+            analysis.analyse(f"{name}#{2 * number}", np.full((40, 40), level, np.float32), name, name)
+    alarms = [alarm for alarm in analysis.trend_alarms if alarm["quantity"] == "noise"]
+    assert [alarm["since_picture"] for alarm in alarms] == ["a.mkv#240", "b.mkv#220"]
+    assert [alarm["since_frame"] for alarm in alarms] == [120, 110]
+    sentences = run_verdict([frame_row(0)], without_precision="", trend_alarms=alarms)["sentences"]
+    assert [text[-16:] for text in sentences if "Trend" in text] == ["since a.mkv#240.", "since b.mkv#220."]
+
+
 @pytest.mark.parametrize(
     ("frames", "sigma_dn", "sentence"),
     [(1, 3.0, "No trend: 1 frame of a series has an estimate, the reference alone takes 100."),

@@ -139,6 +139,21 @@ def test_an_alarm_states_levels_and_the_frame_of_the_change():
     assert alarm.reference == pytest.approx(2.0, rel=0.05) and alarm.level == pytest.approx(8.0, rel=0.15)
 
 
+def test_alarms_and_drifts_name_the_pictures_of_frames_that_have_names():
+    """As of every third frame of a video, in which the noise grows within the reference and leaps at frame 1200."""
+    scatter, trend, alarms = stream(0, "named frames").normal(0, 0.02, 450), ConditionTrend(120), []
+    for number in range(450):
+        sigma = 2.0 * np.exp(0.01 * min(number, 120) + scatter[number]) * (3 if number >= 400 else 1)
+        alarms += trend.step(sigma, mtf(0.5), f"a\n.mp4#{3 * number}")
+    drifted, (alarm,) = trend.drifts["noise"], alarms
+    assert drifted.pictures == ("a\n.mp4#0", "a\n.mp4#357") and drifted.instead == (120, 239)
+    assert drifted.words().endswith(
+        r" DN within a\n.mp4#0 to a\n.mp4#357, compared with a\n.mp4#360 to a\n.mp4#717 since"
+    )
+    assert (alarm.since_frame, alarm.since_picture) == (400, "a\n.mp4#1200")
+    assert alarm.words().endswith(r" DN since a\n.mp4#1200")
+
+
 def test_short_references_are_refused():
     with pytest.raises(InputError, match="at least 100"):
         ConditionTrend(99)
