@@ -60,7 +60,7 @@ def condition_row(name: str, condition: Condition, flags: FrameFlags) -> dict[st
     )  # fmt: skip
     reasons = condition.reasons
     if not len(blur):
-        reasons["blur"] = {f"a side is shorter than {PATCH_PX} px": 1}
+        reasons["blur"] = {f"a side is shorter than {PATCH_PX} px, bars not counted": 1}
     curves = {"mtf": condition.mtf.value, "mtf_low": condition.mtf.low, "mtf_high": condition.mtf.high}
     return dict(zip(COLUMNS, numbers, strict=True)) | curves | {"abstained": reasons}
 

@@ -133,13 +133,13 @@ class FrameInspector:
 
 
 def measure(image: NDArray[np.floating]) -> FrameMeasures:
-    """The measures of one frame, inside bars beside the picture (`pipeline.condition.picture_area`).
+    """The measures of one frame, inside bars that are certain to be none of it (`pipeline.condition.picture_area`).
 
     Args:
         image: (H, W) float in [0, 1].
     """
     picture = np.asarray(image, dtype=np.float32)
-    levels = 255.0 * picture[picture_area(picture)]
+    levels = 255.0 * picture[picture_area(picture, certain=True)]
     counts = _histogram(levels)
     # half a level of slack: grey levels of 8 bits come as multiples of 1/255, rounded to float32
     if counts is None:

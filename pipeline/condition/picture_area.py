@@ -5,6 +5,8 @@ that holds some of them is read as free of noise, and its blur as that of the ed
 
     bars      lines at the border of the frame of which every pixel, but for `RIPPLE_DN` that a codec leaves, has the
               level of the outermost one
+    certain   of these, bars that are not white, and are narrow (`NARROW_BAR`) or have one like them opposite: other
+              areas across the frame may be over-exposed, covered or unlit
     covered   `COVERED` of a square's blocks of 4 x 4 px are exactly uniform, nearly all uniform ones have one level,
               neither black nor white, while all but a few of the others vary by more than `LEAST_DN`, as a picture with
               noise does
@@ -27,6 +29,8 @@ COVERED_REASON = "covered"
 
 RIPPLE_DN = 2.0
 LEAST_BAR_PX = 4
+NARROW_BAR = 0.1  # of the frame's side
+PAIRED = 0.5  # width of a bar to that of the one opposite, at least
 LEAST_PICTURE = 0.25  # of the frame's width and height; a picture that is smaller is none
 COVERED, LEAST_DN = 0.1, 1.0
 ALIKE = 0.8  # of the uniform blocks; drawings have such blocks of many levels
@@ -36,16 +40,17 @@ FLATTEST = 0.1  # of the blocks that are not uniform
 BLACK_DN, WHITE_DN = 2.0, 253.0  # uniform by saturation, of which the estimators know
 
 
-def picture_area(frame: NDArray[np.floating]) -> tuple[slice, slice]:
+def picture_area(frame: NDArray[np.floating], *, certain: bool = False) -> tuple[slice, slice]:
     """The part of a frame inside its bars.
 
     Args:
         frame: (H, W) in [0, 1].
+        certain: leave out only bars that no fault of the picture looks like; see the module.
 
     Returns:
         rows and columns; all of them where there are no bars, or hardly anything else.
     """
-    rows, columns = _inside(frame), _inside(frame.T)
+    rows, columns = _inside(frame, certain), _inside(frame.T, certain)
     enough = all(
         part.stop - part.start >= LEAST_PICTURE * side for part, side in zip((rows, columns), frame.shape, strict=True)
     )
@@ -91,11 +96,21 @@ def _is_covered(patch: NDArray[np.floating]) -> bool:
     return bool(variation[: max(int(FLATTEST * len(variation)), 1)].mean() > LEAST_DN)
 
 
-def _inside(lines: NDArray[np.floating]) -> slice:
+def _inside(lines: NDArray[np.floating], certain: bool) -> slice:
     """The lines (n, m) between the bars at either end; they begin where a codec's blocks do."""
-    first, last = (_bar(ordered) for ordered in (lines, lines[::-1]))
+    first, last = widths = (_bar(lines), _bar(lines[::-1]))
+    if certain:
+        first, last = _certain(lines, widths)
     first = -(-first // CODEC_BLOCK_PX) * CODEC_BLOCK_PX
     return slice(first, max(len(lines) - last, first))
+
+
+def _certain(lines: NDArray[np.floating], widths: tuple[int, int]) -> list[int]:
+    """Widths of the bars at either end, 0 for those that may be a fault of the picture."""
+    levels = [FULL_SCALE_DN * float(np.median(line)) for line in (lines[0], lines[-1])]
+    paired = abs(levels[0] - levels[1]) <= RIPPLE_DN and min(widths) >= PAIRED * max(widths)
+    widest = len(lines) if paired else NARROW_BAR * len(lines)
+    return [width if width <= widest and level < WHITE_DN else 0 for width, level in zip(widths, levels, strict=True)]
 
 
 def _bar(lines: NDArray[np.floating]) -> int:

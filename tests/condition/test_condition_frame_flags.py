@@ -50,6 +50,34 @@ def test_an_obstruction_is_measured_and_flagged(share):
     assert ("obstructed" in flags.names) == (share > 0.1)
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("end", [1, -1])
+@pytest.mark.parametrize(("level", "share", "name"), [(1.0, 0.4, "over_exposed"), (0.0, 0.4, "obstructed")])
+def test_a_white_or_black_area_across_the_frame_is_no_bar(axis, end, level, share, name):
+    image = np.moveaxis(IMAGE.copy(), axis, 0)
+    image[::end][: round(share * len(image))] = level
+    flags = FrameInspector().inspect(np.ascontiguousarray(np.moveaxis(image, 0, axis)))
+    assert name in flags.names
+    measured = flags.saturated_fraction if level else flags.obstructed_fraction
+    assert measured == pytest.approx(share, abs=0.06)
+
+
+def test_an_area_that_is_left_of_a_dark_frame_is_not_over_exposed():
+    image = np.zeros_like(IMAGE)
+    lit = slice(len(image) // 3)
+    image[lit] = np.clip(2.5 * IMAGE, 0, 1)[lit]
+    names = FrameInspector().inspect(image).names
+    assert "dark" in names and "over_exposed" not in names
+
+
+@pytest.mark.parametrize("level", [0.0, 16 / 255])
+@pytest.mark.parametrize("widths", [(80, 80), (60, 40), (16, 0), (0, 24)])
+def test_paired_and_narrow_dark_bars_are_left_out(level, widths):
+    boxed = cv2.copyMakeBorder(IMAGE, *widths, 0, 0, cv2.BORDER_CONSTANT, value=level)
+    first = -(-widths[0] // 8) * 8 - widths[0]  # lines of the picture before the first block of a codec
+    assert measure(boxed) == measure(IMAGE[first:])
+
+
 def test_neither_a_bright_smooth_area_nor_a_picture_without_structure_is_obstructed():
     assert FrameInspector().inspect(obstructed(IMAGE, 0.4, level_dn=180.0)).obstructed_fraction < 0.05
     assert FrameInspector().inspect(noise(60.0)).obstructed_fraction == 0.0
