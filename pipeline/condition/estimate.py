@@ -198,7 +198,7 @@ class ConditionMonitor:
                 already, as the generic lens, or there are not as many names as frames.
         """
         readable = readable_patches(sharp_frames)
-        patches = np.concatenate(readable)
+        patches = np.concatenate([part for part in readable if len(part)])  # frames below a patch have none
         calibrated, made_of = self._calibrated
         uncalibrated = made_of if self.blur_estimator is calibrated else self.blur_estimator
         if names and len(names) != len(readable):

@@ -104,6 +104,6 @@ def test_a_calibration_needs_structure():
     sharp = as_frame(scene(0.0, 400, 576))
     alone, beside = ConditionMonitor(), ConditionMonitor()
     alone.calibrate([sharp])
-    beside.calibrate([sharp, card])
+    beside.calibrate([sharp, card, sharp[:100]])  # nor can one be smaller than a patch
     blurred = as_frame(np.rint(cv2.GaussianBlur(scene(0.0, 400, 576), (0, 0), 1.5)))
     assert beside.frame(blurred).mtf.value == pytest.approx(alone.frame(blurred).mtf.value)
