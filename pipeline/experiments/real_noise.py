@@ -14,7 +14,8 @@ and as fine as noise: with it,
     sigma^2 = c + K (mu - black) + s^2 (mu - black)^2
 
 is the raw truth, an upper limit, for s holds the finest grain of the scene, too. Patches are of single colour planes,
-neither clipped nor brighter than 40 DN, where the fixed pattern would exceed the noise.
+neither clipped nor brighter than 40 of 255 DN, where the fixed pattern would exceed the noise. Estimators are given raw
+grey values over full scale, which is 255 DN or, of deeper converters, white; tables are in DN of the frames.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ Kinds = Mapping[str, tuple[str, Mapping[str, Any]]]
 Executor = Callable[..., list[Any]]
 
 BRIGHTEST_DN = 40.0
-"""Mean of a raw patch, above black, up to which shot noise exceeds a fixed pattern of a few hundredths."""
+"""Mean of a raw patch, above black, up to which shot noise exceeds a fixed pattern of a few hundredths; of 8 bits."""
 
 
 def measure_pairs(folder: Path, kinds: Kinds, executor: Executor, label: str = "") -> pd.DataFrame:
@@ -83,12 +84,13 @@ def measure_raw(
 
     Returns:
         `pipeline.noise.real_noise.COLUMNS`; ``picture`` is the frame's name, the correlation of the truth is 0,
-        and there is no mean picture.
+        and there is no mean picture. No row where no patch is dark enough.
     """
     import pandas as pd
 
-    tables = executor(partial(_of_frame, fits=fits, white_dn=white_dn, kinds=kinds), frames, label=label)
-    return pd.concat([table for part in tables for table in part], ignore_index=True)[list(COLUMNS)]
+    parts = executor(partial(_of_frame, fits=fits, white_dn=white_dn, kinds=kinds), frames, label=label)
+    tables = [table for part in parts for table in part]
+    return pd.concat(tables, ignore_index=True)[list(COLUMNS)] if tables else pd.DataFrame(columns=list(COLUMNS))
 
 
 def real_noise_metrics(summary: pd.DataFrame) -> dict[str, Any]:
@@ -115,6 +117,7 @@ def _of_frame(
     import pandas as pd
 
     estimators, pixels, parts = real_noise.estimators(kinds), frame.pixels(), []
+    scale = _scale(white_dn)
     for plane, fit in fits.items():
         grey = emva1288.plane(pixels, plane)
         corners = [(y, x) for y, x in _corners(grey.shape) if _usable(_patch(grey, y, x), white_dn, fit.black_dn)]
@@ -134,10 +137,16 @@ def _of_frame(
             "true_correlation": 0.0,
         }
         for name, estimator in estimators.items():
-            answer = estimator.estimate(patches[:, None].astype(np.float32) / np.float32(FULL_SCALE_DN))
+            answer = estimator.estimate(patches[:, None].astype(np.float32) / np.float32(FULL_SCALE_DN * scale))
             columns = real_noise.answer_columns(name, answer)
-            parts.append(pd.DataFrame(truth | columns))
+            in_dn = {column: values * scale for column, values in columns.items() if column.endswith("_dn")}
+            parts.append(pd.DataFrame(truth | columns | in_dn))
     return parts
+
+
+def _scale(white_dn: float) -> float:
+    """DN of the frames in one DN of 8 bits."""
+    return max(white_dn, FULL_SCALE_DN) / FULL_SCALE_DN
 
 
 def _corners(shape: tuple[int, ...]) -> list[tuple[int, int]]:
@@ -152,5 +161,5 @@ def _patch(grey: Any, y: int, x: int) -> Any:
 
 def _usable(patch: Any, white_dn: float, black_dn: float) -> bool:
     """Whether a patch is neither cut off at black nor clipped at white nor too bright."""
-    bright_enough = emva1288.LOWEST_DN <= patch.mean() - black_dn <= BRIGHTEST_DN
+    bright_enough = emva1288.LOWEST_DN <= patch.mean() - black_dn <= BRIGHTEST_DN * _scale(white_dn)
     return bool(bright_enough and patch.max() < emva1288.CLIPPED_FRACTION * white_dn)

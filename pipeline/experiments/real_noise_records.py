@@ -107,11 +107,11 @@ def stage_has_run(stages: Stages, name: str) -> bool:
 
 
 def recordings(stages: Stages, recorded: Path | None) -> list[Recording]:
-    """Every recording that a stage measured or that was recorded earlier, in the order of the configuration."""
+    """Recordings with patches, measured by a stage or recorded earlier, in the order of the configuration."""
     earlier = _earlier(recorded)
     names = [*stages, *(name for name in earlier if name not in stages)]
     made = (_made(stages, name) if stage_has_run(stages, name) else earlier.get(name) for name in names)
-    return [one for one in made if one is not None]
+    return [recording for recording in made if recording is not None and len(recording.patches)]
 
 
 def sensor(stages: Stages, recorded: Path | None) -> Sensor | None:

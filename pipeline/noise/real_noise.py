@@ -60,6 +60,16 @@ COLUMNS = (
     "cleaned_sigma_dn", "true_correlation",
 )  # fmt: skip
 
+SUMMARY_COLUMNS = (
+    "estimator", "pictures", "patches", "answered_fraction", "mean_sigma_dn", "mean_picture_answered_fraction",
+    "mean_picture_sigma_dn", "correlation_mae",
+    *(
+        f"{truth}_{name}"
+        for truth in ("true", "cleaned")
+        for name in ("mean_dn", "mae_dn", "mae_low_dn", "mae_high_dn", "bias_dn", "coverage_fraction")
+    ),
+)  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Pair:
@@ -210,9 +220,9 @@ def summarise(table: pd.DataFrame, seed: int = 1, draws: int = 500) -> pd.DataFr
         draws: resamples of pictures, with all their patches.
 
     Returns:
-        a row per estimator, errors in DN over the answered patches: ``patches``, ``pictures``, ``answered_fraction``,
-        ``mean_sigma_dn``; ``mean_picture_sigma_dn``, the mean reading on the noise-free means, where answered in
-        ``mean_picture_answered_fraction``; ``correlation_mae``; and against each truth, ``true`` and ``cleaned``:
+        `SUMMARY_COLUMNS`, a row per estimator, errors in DN over the answered patches: ``patches``, ``pictures``,
+        ``answered_fraction``, ``mean_sigma_dn``; ``mean_picture_sigma_dn``, the mean reading on the noise-free means,
+        where answered in ``mean_picture_answered_fraction``; ``correlation_mae``; and against each truth, ``true`` and ``cleaned``:
         ``_mean_dn``, its mean, ``_mae_dn`` with the 95 % interval ``_mae_low_dn`` to ``_mae_high_dn``, ``_bias_dn`` and
         ``_coverage_fraction``, patches whose interval holds the truth. NaN where nothing is answered.
     """
@@ -246,7 +256,7 @@ def summarise(table: pd.DataFrame, seed: int = 1, draws: int = 500) -> pd.DataFr
                 f"{truth}_coverage_fraction": inside.mean() if len(bounded) else np.nan,
             }
         rows.append(row)
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=list(SUMMARY_COLUMNS))
 
 
 def shared_errors(table: pd.DataFrame, reference: str, seed: int = 1, draws: int = 500) -> pd.DataFrame:

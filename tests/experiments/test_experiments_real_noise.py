@@ -13,11 +13,13 @@ from pipeline.config.compose import compose, parse
 from pipeline.datasets.raw_frames import raw_frames
 from pipeline.errors import InputError
 from pipeline.executor import run_map
+from pipeline.experiments import real_noise_records
 from pipeline.experiments.real_noise import BRIGHTEST_DN, measure_pairs, measure_raw, real_noise_metrics
 from pipeline.experiments.real_noise_bounds import picture_bounds
 from pipeline.experiments.real_noise_tables import REAL_NOISE_PATCHES, REAL_NOISE_SUMMARY, TRANSFER
 from pipeline.experiments.sensor_constants import sensor_constants
 from pipeline.noise.real_noise import summarise
+from pipeline.recording.sensor import record as sensor_record
 from pipeline.stages.real_noise import run as stage
 from pipeline.store import read_json, read_table
 from pipeline.streams import stream
@@ -27,24 +29,31 @@ GAIN, DARK_E, BLACK_DN, WHITE_DN = 0.05, 10.0, 16.0, 255.0
 EXECUTOR = partial(run_map, workers=1)
 
 
-def write_raw(folder, name, exposure_ms, level_dn):
-    """A raw frame: shot noise at a gain of 0.05 DN per electron, 10 electrons of dark noise, and a black level."""
-    generator = stream(1, "raw", name, exposure_ms)
+def write_raw(folder, name, exposure_ms, level_dn, bits=8):
+    """A raw frame: shot noise at a gain of 0.05 DN per electron, 10 electrons of dark noise, and a black level.
+
+    Deeper ones are the same in more grey values.
+    """
+    generator, scale = stream(1, "raw", name, exposure_ms), 2 ** (bits - 8)
     electrons = generator.poisson(level_dn / GAIN) + generator.normal(0, DARK_E, level_dn.shape)
     folder.mkdir(exist_ok=True, parents=True)
-    picture = np.clip(np.rint(BLACK_DN + GAIN * electrons), 0, 255).astype(np.uint8)
+    levels = np.clip(np.rint(scale * (BLACK_DN + GAIN * electrons)), 0, 2**bits - 1)
+    picture = levels.astype(np.uint8 if bits == 8 else np.uint16)
     assert cv2.imwrite(str(folder / f"{name}_{exposure_ms}ms_1.tif"), picture)
+
+
+def write_sensor(root, bits=8):
+    """Three exposures of a ramp, the last too bright for the check of estimators, and dark frames."""
+    ramp = np.tile(np.linspace(8, 120, 320), (300, 1))
+    for exposure in (100, 200, 800):
+        write_raw(root / "light", "scene", exposure, ramp * exposure / 400, bits)
+        write_raw(root / "dark", "dark", exposure, np.full((64, 64), 0.01 * exposure), bits)
+    return root
 
 
 @pytest.fixture(scope="module")
 def raw(tmp_path_factory):
-    """Three exposures of a ramp, the last too bright for the check of estimators, and dark frames."""
-    root = tmp_path_factory.mktemp("raw")
-    ramp = np.tile(np.linspace(8, 120, 320), (300, 1))
-    for exposure in (100, 200, 800):
-        write_raw(root / "light", "scene", exposure, ramp * exposure / 400)
-        write_raw(root / "dark", "dark", exposure, np.full((64, 64), 0.01 * exposure))
-    return root
+    return write_sensor(tmp_path_factory.mktemp("raw"))
 
 
 @pytest.fixture(scope="module")
@@ -77,6 +86,32 @@ def test_noise_of_raw_frames_is_measured_against_photon_transfer(raw, sensor):
     np.testing.assert_allclose(of_pattern, 0.05 * above_dn, rtol=1e-6)
     assert (selected["sigma_dn"] - selected["true_sigma_dn"]).abs().mean() < 0.15
     assert real_noise_metrics(summarise(table, draws=20))["pca"]["true_mae_dn"] < 0.15
+
+
+def test_noise_of_twelve_bits_is_that_of_eight_in_finer_grey_values(raw, sensor, tmp_path):
+    write_sensor(tmp_path, bits=12)
+    white_dn = 4095.0
+    frames = raw_frames(tmp_path / "light")
+    fits = sensor_constants(frames, raw_frames(tmp_path / "dark"), white_dn).fits
+    fine = measure_raw(frames, fits, white_dn, KINDS, EXECUTOR)
+    coarse = measure_raw(raw_frames(raw / "light"), sensor.fits, WHITE_DN, KINDS, EXECUTOR)
+    assert list(fine["picture"]) == list(coarse["picture"])
+    for column in ("sigma_dn", "cleaned_sigma_dn"):
+        assert fine[column].mean() / 16 == pytest.approx(coarse[column].mean(), rel=0.1)
+
+
+def test_a_sensor_without_a_dark_patch_is_recorded_all_the_same(tmp_path):
+    level = np.tile(np.linspace(60, 120, 320), (64, 1))
+    for exposure in (100, 200, 400):
+        write_raw(tmp_path / "light", "scene", exposure, level * exposure / 400 + 60)
+        write_raw(tmp_path / "dark", "dark", exposure, np.full((64, 64), 0.01 * exposure))
+    out = tmp_path / real_noise_records.SENSOR_FOLDER
+    sensor_record(tmp_path / "light", tmp_path / "dark", WHITE_DN, KINDS, out, "made", EXECUTOR)
+    for file, schema in (("patches", REAL_NOISE_PATCHES), ("summary", REAL_NOISE_SUMMARY)):
+        table = pd.read_csv(out / f"sensor_{file}.csv")
+        assert table.empty and list(table.columns) == list(schema.columns)
+    assert len(real_noise_records.sensor({}, tmp_path).transfer) == len(PLANES)
+    assert real_noise_records.recordings({}, tmp_path) == []
 
 
 def test_pairs_are_measured_by_their_difference(tmp_path):
