@@ -116,7 +116,7 @@ def _covariance(patch: NDArray[np.floating], eight_bit: bool) -> NDArray[np.floa
         vectors = _windows(picture - picture.mean())
         moments = vectors @ vectors.T
     count = vectors.shape[1]
-    mean = (vectors @ np.ones(count, dtype=vectors.dtype)).astype(np.float64) / count
+    mean = vectors @ np.ones(count) / count  # exact in float64, in float32 only of small patches
     covariance: NDArray[np.float64] = moments / count - mean[:, None] * mean[None, :]
     return covariance
 

@@ -66,6 +66,14 @@ def test_float32_pictures_made_from_8_bit_are_as_good_as_float64() -> None:
     assert estimate == pytest.approx(direct(patch, start=1), abs=1e-9)
 
 
+@pytest.mark.parametrize("level_dn", [3, 250])
+def test_sums_over_large_dark_and_bright_patches_are_exact(level_dn: int) -> None:
+    drawn = np.rint(level_dn + stream(3, "large", level_dn).normal(0, 0.6, (1500, 1500))).clip(0, 254)
+    pictures = [drawn.astype(np.float32) / np.float32(255), (drawn + 1e-3) / 255]  # of 8 bits, and not quite
+    whole, between = (noise.create("pca").estimate(picture[None, None]).sigma_dn[0] for picture in pictures)
+    assert whole == pytest.approx(between, rel=1e-6)
+
+
 def test_equals_deepinv() -> None:
     """The loop of deepinv also begins by dropping the largest eigenvalue (measured with 0.5.0: 3e-5 DN apart)."""
     peer = pytest.importorskip("deepinv.models", reason="deepinv is not installed")
