@@ -73,7 +73,8 @@ def _noise_title(condition: Condition) -> str:
     reasons = condition.reasons["noise"]
     why = max(reasons, key=lambda reason: reasons[reason]) if reasons else ""
     without = ", ".join(filter(None, ["no estimate", REASONS.get(why, why), bound_words(condition.noise.at_most_dn)]))
-    reported = f"σ {sigma.value:.2f} DN ({sigma.low:.2f} to {sigma.high:.2f})" if known else without
+    interval = f" ({sigma.low:.2f} to {sigma.high:.2f})" if np.isfinite(sigma.high) else ""
+    reported = f"σ {sigma.value:.2f} DN{interval}" if known else without
     return textwrap.fill(f"Noise: {reported}", TITLE_CHARACTERS)
 
 

@@ -3,7 +3,8 @@
 The rule is the paper's (`pipeline.statistics`): a value further than 3.5 median absolute deviations from the median,
 about 5 % of them, is left out. Where the patches carry predictive intervals, the interval of the summary is the same
 median of their ends: neighbouring patches err together, and correlated errors do not average out. Without intervals
-it is a bootstrap interval of the median, which knows of the spread between patches only.
+that of blur is a bootstrap interval of the median, which knows of the spread between patches only; noise has none, for
+its upper end is used as a bound.
 
 A frame whose tiles mostly abstain because a codec may have removed the noise has no noise level either: the few that
 answer are those whose own grain looks like noise (asphalt, foliage), not a sample of the frame. Nor has one whose tiles
@@ -103,7 +104,11 @@ class Summary:
 
 
 def summarise(
-    values: NDArray[np.floating], low: NDArray[np.floating] | None = None, high: NDArray[np.floating] | None = None
+    values: NDArray[np.floating],
+    low: NDArray[np.floating] | None = None,
+    high: NDArray[np.floating] | None = None,
+    *,
+    bootstrap: bool = True,
 ) -> Summary:
     """Summarise patches.
 
@@ -111,6 +116,7 @@ def summarise(
         values: (N, ...) answers, NaN where a patch abstains.
         low: (N, ...) lower ends of the patches' predictive intervals, where the estimator has them.
         high: (N, ...) upper ends.
+        bootstrap: whether an interval that patches do not have is that of the median over them; else NaN.
 
     Returns:
         a summary whose arrays have shape (...).
@@ -125,11 +131,10 @@ def summarise(
         ends = [end[(slice(None), *position)] for end in (low, high) if end is not None]
         inside = inliers(column)
         kept, answered = column[inside], int(np.isfinite(column).sum())
-        if not len(kept):
-            interval = (np.nan, np.nan)
-        elif len(ends) == 2 and all(np.isfinite(end[inside]).all() for end in ends):
+        interval = (np.nan, np.nan)
+        if len(kept) and len(ends) == 2 and all(np.isfinite(end[inside]).all() for end in ends):
             interval = (float(np.median(ends[0][inside])), float(np.median(ends[1][inside])))
-        else:
+        elif len(kept) and bootstrap:
             interval = bootstrap_interval(kept, stream(0, "condition", *position), draws=BOOTSTRAP_DRAWS)
         middle, least, greatest = (np.median(kept), kept.min(), kept.max()) if len(kept) else (np.nan, np.nan, np.nan)
         numbers = (
@@ -153,9 +158,9 @@ def summarise_noise(estimate: NoiseEstimate) -> Summary:
         estimate: of the tiles.
 
     Returns:
-        a summary whose arrays have shape ().
+        a summary whose arrays have shape (); without an interval where an answering tile has none.
     """
-    summary = summarise(estimate.sigma_dn, estimate.low_dn, estimate.high_dn)
+    summary = summarise(estimate.sigma_dn, estimate.low_dn, estimate.high_dn, bootstrap=False)
     processed = np.isin(estimate.reason, (COMPRESSED, ALTERNATING, STREAKED)).sum()
     measurable = np.count_nonzero(~np.isin(estimate.reason, (FLAT, SATURATED, COVERED_REASON)))
     if processed <= summary.count and summary.count >= LEAST_ANSWERING * measurable:
@@ -178,7 +183,7 @@ def at_most_dn(estimate: NoiseEstimate, summary: Summary, least_dn: float = np.n
         least_dn: what the bound is at least, DN; NaN for nothing.
 
     Returns:
-        the upper end of the frame's interval, or without an answer `most_noise_dn`, DN; NaN where that is.
+        the upper end of the frame's interval, or without an answer `most_noise_dn`, DN; NaN where there is none.
     """
     if not np.isnan(summary.value):
         return float(summary.high)

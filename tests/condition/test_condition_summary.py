@@ -135,6 +135,15 @@ def test_noise_is_at_most_the_upper_end_of_an_answer_and_the_bound_without_one()
     assert at_most_dn(coded, summarise_noise(coded)) == most_noise_dn(coded) == 5
 
 
+def test_the_spread_of_tiles_without_intervals_is_no_interval_and_no_bound_of_noise():
+    sigma_dn = stream(0, "no intervals").normal(3.0, 0.3, 30)
+    unknown, words = np.full(30, np.nan), np.full(30, "", dtype=object)
+    tiles = NoiseEstimate(sigma_dn, unknown, unknown.copy(), words != "", words)
+    summary = with_upper_end(summarise_noise(tiles), 9.0)
+    assert abs(float(summary.value) - 3.0) < 0.2
+    assert np.isnan([summary.low, summary.high, at_most_dn(tiles, summary, 9.0)]).all()
+
+
 def test_an_interval_reaches_at_least_as_far_as_coarse_noise_may():
     answered, coded = tiles_of_noise(9, COMPRESSED, 2), tiles_of_noise(2, COMPRESSED, 9)
     known, unknown = summarise_noise(answered), summarise_noise(coded)
