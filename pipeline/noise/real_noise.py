@@ -222,9 +222,9 @@ def summarise(table: pd.DataFrame, seed: int = 1, draws: int = 500) -> pd.DataFr
     Returns:
         `SUMMARY_COLUMNS`, a row per estimator, errors in DN over the answered patches: ``patches``, ``pictures``,
         ``answered_fraction``, ``mean_sigma_dn``; ``mean_picture_sigma_dn``, the mean reading on the noise-free means,
-        where answered in ``mean_picture_answered_fraction``; ``correlation_mae``; and against each truth, ``true`` and ``cleaned``:
-        ``_mean_dn``, its mean, ``_mae_dn`` with the 95 % interval ``_mae_low_dn`` to ``_mae_high_dn``, ``_bias_dn`` and
-        ``_coverage_fraction``, patches whose interval holds the truth. NaN where nothing is answered.
+        where answered in ``mean_picture_answered_fraction``; ``correlation_mae``; and against each truth, ``true`` and
+        ``cleaned``: ``_mean_dn``, its mean, ``_mae_dn`` with the 95 % interval ``_mae_low_dn`` to ``_mae_high_dn``,
+        ``_bias_dn`` and ``_coverage_fraction``, patches whose interval holds the truth. NaN where nothing is answered.
     """
     import pandas as pd
 
