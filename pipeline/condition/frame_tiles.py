@@ -24,7 +24,7 @@ MOST_TILES = 54
 MOST_PATCHES = 28
 """Of 192 px, for blur: as many as cover a frame of 1280 x 720 px."""
 
-STEP_PX = 8  # tiles begin at multiples of it, where the blocks of a codec begin
+STEP_PX = 8  # tiles of two blocks or more begin at multiples of it, where the blocks of a codec begin
 
 
 def frame_tiles(frame_shape: Sequence[int], size_px: int, most: int = MOST_TILES) -> list[Patch]:
@@ -56,11 +56,12 @@ def frame_tiles(frame_shape: Sequence[int], size_px: int, most: int = MOST_TILES
         ((down, min(columns, most // down)) for down in range(1, min(rows, most) + 1)),
         key=lambda grid: max(rows / grid[0], columns / grid[1]),  # the wider of the distances
     )
-    height, width = frame_shape
-    return [Patch(x, y, side) for y in _starts(height - side, chosen[0]) for x in _starts(width - side, chosen[1])]
+    step = STEP_PX if side >= 2 * STEP_PX else 1  # smaller ones may lie less than a block apart
+    down, along = (_starts(length - side, count, step) for length, count in zip(frame_shape, chosen, strict=True))
+    return [Patch(x, y, side) for y in down for x in along]
 
 
-def _starts(last: int, count: int) -> list[int]:
-    """Even starts from 0 to `last`, at multiples of `STEP_PX` but for the last; the middle where there is one."""
+def _starts(last: int, count: int, step: int) -> list[int]:
+    """Even starts from 0 to `last`, at multiples of `step` but for the last; the middle where there is one."""
     even = np.linspace(0, last, count) if count > 1 else np.array([last / 2])
-    return [last if start == last and count > 1 else int(start) // STEP_PX * STEP_PX for start in even]
+    return [last if start == last and count > 1 else int(start) // step * step for start in even]

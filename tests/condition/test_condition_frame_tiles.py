@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from data_makers import picture
 
+from pipeline import noise
 from pipeline.cli import main
-from pipeline.condition import ConditionMonitor
+from pipeline.condition import ConditionMonitor, noise_of_frame
 from pipeline.condition.frame_tiles import MOST_PATCHES, MOST_TILES, STEP_PX, frame_tiles
 from pipeline.datasets.patches import cut, tiles
 from pipeline.errors import InputError
@@ -36,6 +37,15 @@ def test_a_large_frame_gets_an_even_selection(shape, most):
             steps = np.diff(starts)
             assert steps.max() - steps.min() <= 2 * STEP_PX
     assert [(tile.y_px, tile.x_px) for tile in chosen] == sorted((tile.y_px, tile.x_px) for tile in chosen)
+
+
+@pytest.mark.parametrize(("size_px", "shape"), [(8, (25, 105)), (11, (34, 144)), (14, (29, 255))])
+def test_tiles_smaller_than_two_blocks_are_all_different(size_px, shape):
+    chosen = frame_tiles(shape, size_px)
+    assert len(set(chosen)) == len(chosen) <= MOST_TILES
+    grey = np.rint(stream(0, "small tiles", size_px).normal(128, 5, shape)) / 255
+    state = noise_of_frame(noise.create("immerkaer"), grey.astype(np.float32), size_px)
+    assert state.grid[0] * state.grid[1] == len(state.patches)
 
 
 def test_full_hd_is_sampled_alike_along_and_across():
