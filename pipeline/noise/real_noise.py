@@ -89,7 +89,7 @@ def pairs(folder: str | Path) -> list[Pair]:
     """The pairs of a folder, by name.
 
     Raises:
-        InputError: no such folder, no pair in it, or a picture without its partner.
+        InputError: no such folder, no pair in it, a picture without its partner, or two of one name.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -99,7 +99,9 @@ def pairs(folder: str | Path) -> list[Pair]:
     for path in files:
         for ending, by_name in halves.items():
             if path.stem.endswith(ending):
-                by_name[path.stem.removesuffix(ending)] = path
+                other = by_name.setdefault(path.stem.removesuffix(ending), path)
+                if other != path:
+                    raise InputError(f"pairs {folder}: {other.name} and {path.name} have one name; keep one of them")
     alone = sorted(set(halves[REAL]) ^ set(halves[MEAN]))
     if alone or not halves[REAL]:
         problem = f"{alone[0]} has no partner" if alone else "no pairs"

@@ -153,3 +153,10 @@ def test_incomplete_folders_are_refused(tmp_path):
     cv2.imwrite(str(tmp_path / "a_mean.png"), np.zeros((128, 130), np.uint8))
     with pytest.raises(InputError, match=r"pair a: .*130"):
         real_noise.measure(real_noise.pairs(tmp_path)[0], {})
+
+
+def test_two_pictures_of_one_name_are_refused(tmp_path):
+    for file in ("a_mean.bmp", "a_mean.png", "a_real.bmp", "a_real.png"):
+        cv2.imwrite(str(tmp_path / file), np.zeros((128, 128), np.uint8))
+    with pytest.raises(InputError, match=r"a_mean\.bmp and a_mean\.png have one name"):
+        real_noise.pairs(tmp_path)
