@@ -198,7 +198,7 @@ class ConditionMonitor:
                 already, as the generic lens, or there are not as many names as frames.
         """
         readable = readable_patches(sharp_frames)
-        patches = np.concatenate([part for part in readable if len(part)])  # frames below a patch have none
+        patches = np.concatenate(readable)
         calibrated, made_of = self._calibrated
         uncalibrated = made_of if self.blur_estimator is calibrated else self.blur_estimator
         if names and len(names) != len(readable):
@@ -283,7 +283,8 @@ def readable_patches(sharp_frames: Sequence[NDArray[np.floating]]) -> list[NDArr
     readable = [_readable(part) for part in cuts]
     if not any(map(len, readable)):
         raise InputError("sharp frames: no patch has structure that shows sharpness, only shading and noise")
-    return readable
+    none = np.empty((0, 1, PATCH_PX, PATCH_PX), np.float32)  # of a frame smaller than a patch
+    return [part if len(part) else none for part in readable]
 
 
 def noise_of_frame(

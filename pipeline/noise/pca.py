@@ -112,11 +112,13 @@ def _covariance(patch: NDArray[np.floating], eight_bit: bool) -> NDArray[np.floa
         vectors = _windows((whole - 128.0).astype(np.float32))
         groups = -(-vectors.shape[1] // _EXACT_WINDOWS)
         moments = sum((part @ part.T).astype(np.float64) for part in np.array_split(vectors, groups, axis=1))
+        sums = vectors.sum(axis=1, dtype=np.float64)
     else:
         vectors = _windows(picture - picture.mean())
         moments = vectors @ vectors.T
+        sums = vectors @ np.ones(vectors.shape[1])
     count = vectors.shape[1]
-    mean = vectors @ np.ones(count) / count  # exact in float64, in float32 only of small patches
+    mean = sums / count
     covariance: NDArray[np.float64] = moments / count - mean[:, None] * mean[None, :]
     return covariance
 
