@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 from pipeline.errors import DECODER_ERRORS
 
 if TYPE_CHECKING:
+    from PIL import Image
+
     from pipeline.datasets.pictures import Picture
 
 _ORIENTATION = 0x0112
@@ -70,9 +72,17 @@ def exif(path: Path, group: int) -> Mapping[int, object]:
         tags = Image.Exif()
         tags.load(heif.exif(path))
         return tags.get_ifd(group)
-    with warnings.catch_warnings(), Image.open(path) as picture:
+    with warnings.catch_warnings(), _opened(path) as picture:
         warnings.simplefilter("ignore")  # Pillow's remarks on metadata
         return picture.getexif().get_ifd(group)  # of a TIFF or PNG file while it is open
+
+
+def _opened(path: Path) -> Image.Image:
+    from pipeline.datasets.pictures import open_with_pillow
+
+    with path.open("rb") as file:
+        start = file.read(12)
+    return open_with_pillow(path, start)
 
 
 def _orientation(path: Path) -> int:
@@ -85,7 +95,7 @@ def _orientation(path: Path) -> int:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Pillow's remarks on metadata
         try:
-            with Image.open(path) as opened:
+            with _opened(path) as opened:
                 if opened.format != "TIFF" and "exif" not in opened.info:
                     return 0
                 stored = opened.getexif().get(_ORIENTATION)
@@ -96,9 +106,7 @@ def _orientation(path: Path) -> int:
 
 def _has_transparent_pixels(path: Path) -> bool:
     """Whether a pixel of a picture with an alpha channel, which was read before, is not opaque."""
-    from PIL import Image
-
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Pillow's remarks on metadata and size
-        with Image.open(path) as opened:
+        with _opened(path) as opened:
             return any(opened.convert("RGBA").getchannel("A").histogram()[:255])

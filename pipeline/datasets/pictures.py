@@ -31,7 +31,7 @@ import warnings
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
@@ -219,7 +219,7 @@ def _decode(path: str | Path, data: bytes) -> Picture:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Pillow's remarks on metadata; what matters is raised
         try:
-            with Image.open(io.BytesIO(data)) as opened:
+            with open_with_pillow(io.BytesIO(data), data) as opened:
                 _refuse_by_header(path, data, opened, header)
                 if opened.format == "PPM" and (deep := _read_deep_netpbm(path, data)) is not None:
                     return deep
@@ -238,6 +238,24 @@ def _decode(path: str | Path, data: bytes) -> Picture:
         except DECODER_ERRORS as error:
             defect = "truncated" if "truncated" in str(error).lower() else "cannot be decoded"
             raise BadPicture(path, f"{defect} ({error})") from None
+
+
+def open_with_pillow(file: str | Path | IO[bytes], start: bytes) -> Image.Image:
+    """A picture file opened by Pillow; of the files of ISO media (``ftyp``) only AVIF.
+
+    A reader of HEIF may be registered with Pillow, as imageio does: it takes AVIF files with a brand of HEIF first, and
+    fails.
+
+    Args:
+        file: see ``PIL.Image.open``, whose errors are raised.
+        start: its first 12 bytes, or more.
+    """
+    from PIL import Image
+
+    if start[4:8] != b"ftyp":
+        return Image.open(file)
+    Image.init()  # else a format that is named is looked for among the commonest only
+    return Image.open(file, formats=("AVIF",))
 
 
 def _png_row_bits(data: bytes, opened: Image.Image) -> int:

@@ -11,6 +11,7 @@ from pathlib import Path
 import av
 import cv2
 import numpy as np
+import pillow_heif
 import pytest
 from click.testing import CliRunner, Result
 from data_makers import picture
@@ -283,7 +284,7 @@ def test_the_codec_of_pictures_taken_out_of_a_video_can_be_given(tmp_path: Path)
 
 
 @AVIF
-def test_pictures_in_avif_files_are_known_to_be_coded_by_av1(tmp_path: Path) -> None:
+def test_pictures_in_avif_files_are_known_to_be_coded_by_av1(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     save(tmp_path / "a.avif")
     save(tmp_path / "a.png").rename(tmp_path / "b.avif")  # by what is in the file, not by its name
     known, *others = (coding_of_picture(tmp_path / name) for name in ("a.avif", "b.avif", "absent.avif"))
@@ -293,6 +294,11 @@ def test_pictures_in_avif_files_are_known_to_be_coded_by_av1(tmp_path: Path) -> 
     assert coarse is not None and known.quantiser < coarse < 256
     data = (tmp_path / "a.avif").read_bytes()
     (tmp_path / "mif1.avif").write_bytes(data[:8] + b"mif1" + data[12:])  # as some programs begin them
+    assert [coding for *_, coding in read(tmp_path / "mif1.avif")] == [known]
+    monkeypatch.setattr(Image, "ID", list(Image.ID))
+    monkeypatch.setattr(Image, "OPEN", dict(Image.OPEN))
+    pillow_heif.register_heif_opener()  # as imageio does
+    Image.ID.insert(0, Image.ID.pop(Image.ID.index("HEIF")))  # in a process that begins with it
     assert [coding for *_, coding in read(tmp_path / "mif1.avif")] == [known]
     answers = [call("noise", tmp_path / name).stdout.splitlines()[1].split()[0] for name in ("a.avif", "b.avif")]
     assert answers[0] == "-" and float(answers[1]) >= 0
