@@ -21,7 +21,7 @@ def test_gains_are_judged_with_the_noise_of_the_frame():
     def ap_percent(sigma_dn, motion_px, level):
         return 90.0 - sigma_dn
 
-    surface, state = SimpleNamespace(ap_percent=ap_percent), CameraState(0.008, 4.0)
+    surface, state = SimpleNamespace(ap_percent=ap_percent, level=0.5), CameraState(0.008, 4.0)
     longer = SimpleNamespace(best_exposure_ms=16.0, best_iso=200.0, motion_px=1.0)
     gains = [coded_advice.gained(longer, state, true_dn, 0.4, surface) for true_dn in (0.0, 2.0, 5.0)]
     assert 0 <= gains[0] < 0.01 < gains[1] < gains[2]
