@@ -64,8 +64,8 @@ class Frame:
         state: settings it was taken with.
         written: settings written last: those of the frame, or with a delay those on their way to the sensor.
         total_s: time x gain wanted, s; that of ``written`` where its brightness is within the tolerance.
-        kept: settings without another split: ``written`` itself where its brightness is within the tolerance, or
-            measured and the policy chooses brightness, else its exposure time at the total exposure wanted.
+        kept: settings without another split: ``written`` itself where its brightness is within the tolerance or the
+            policy chooses brightness, else its exposure time at the total exposure wanted.
     """
 
     observation: Observation
@@ -201,8 +201,7 @@ class IopcPolicy(Policy):
         """
         written = self.written_last(state)
         total_s = self._total_exposure_s(observation, state, written) if total_s is None else total_s
-        may_keep = self.chooses_brightness and self._is_measured(self._coming_level(observation, state, written))
-        keeps = may_keep or total_s == written.total_exposure_s
+        keeps = self.chooses_brightness or total_s == written.total_exposure_s
         kept = written if keeps else self.limits.at_time(total_s, written.exposure_s)
         return Frame(observation, state, written, total_s, kept)
 
@@ -244,9 +243,9 @@ class IopcPolicy(Policy):
             return written.total_exposure_s
         return state.total_exposure_s * self.metering.factor(observation, self.camera.formation.gamma)
 
-    def _coming_level(self, observation: Observation, state: CameraState, written: CameraState) -> float:
-        """Mean encoded level that the settings written last will have."""
-        ratio = written.total_exposure_s / state.total_exposure_s
+    def _coming_level(self, observation: Observation, state: CameraState, coming: CameraState) -> float:
+        """Mean encoded level that a frame taken with other settings will have."""
+        ratio = coming.total_exposure_s / state.total_exposure_s
         return float(observation.mean_level * ratio ** (1.0 / self.camera.formation.gamma))
 
     @property
@@ -269,13 +268,19 @@ class IopcPolicy(Policy):
         raise NotImplementedError
 
     def candidates(self, frame: Frame) -> Candidates:
-        """Every split of the total exposure that the camera accepts, and the settings kept; darker ones if measured."""
+        """Every split of the total exposure that the camera accepts, and the settings kept; darker ones if measured.
+
+        Settings kept whose brightness was not measured are none: where all is refused, they would be the nearest.
+        """
         totals_s, times = [frame.total_s], self.times(TIMES_PER_STOP)
         if self.chooses_brightness:
             totals_s = darker_totals(frame.total_s, self.performance, self.camera.formation.gamma)
             times = [*self.times(DARKER_TIMES_PER_STOP), frame.written.exposure_s]
         states = {self.limits.at_time(total_s, time) for total_s in totals_s for time in times}
-        return self.expect(frame, sorted({*states, frame.kept}, key=_by_time))
+        kept_level = self._coming_level(frame.observation, frame.state, frame.kept)
+        if not self.chooses_brightness or self._is_measured(kept_level):
+            states.add(frame.kept)
+        return self.expect(frame, sorted(states, key=_by_time))
 
     def times(self, per_stop: int) -> list[float]:
         """Exposure times of candidates, s.
