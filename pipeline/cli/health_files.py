@@ -14,14 +14,14 @@ from pipeline.cli.health_verdict import run_verdict
 from pipeline.cli.outputs import LineFile, OutputFolder, RowFile
 from pipeline.cli.pictures import result_stem
 
-SUFFIXES = (".csv", ".jsonl", ".json", ".html")
-"""Of the files ``health``."""
-
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
     from pipeline.condition import Condition
+
+SUFFIXES = (".csv", ".jsonl", ".json", ".html")
+"""Of the files that are called ``health``."""
 
 
 @dataclass
