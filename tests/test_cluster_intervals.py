@@ -138,3 +138,38 @@ def test_intervals_of_average_precision_over_few_scenes_hold_it_about_as_often_a
         assert 0 <= result.low <= result.average_precision <= result.high <= 1
         held, plain, number = held + (result.low <= true <= result.high), plain + (low <= true <= high), number + 1
     assert number >= 180 and held >= 0.89 * number and plain < held
+
+
+def _alike_scene(generator, skill):
+    """Detections of a scene with six objects, each found by this probability, and one false positive on average."""
+    hit, wrong = generator.random(6) < skill, int(generator.poisson(1))
+    left = 100.0 * np.arange(6 + wrong)[:, None]
+    boxes = np.concatenate([left, 0 * left, left + 50, 0 * left + 50], axis=1)
+    score = np.concatenate([generator.uniform(0.4, 1.0, 6), generator.uniform(0.0, 0.7, wrong)])
+    shown = np.concatenate([hit, np.ones(wrong, bool)])
+    truth = GroundTruth(boxes[:6], np.full(6, "car"), np.zeros(6, bool))
+    return Detections.of(boxes[shown], score[shown], ["car"] * int(shown.sum())), truth
+
+
+@pytest.mark.parametrize(("skill", "scenes", "share"), [(0.97, 4, 0.75), (0.5, 8, 0.93), (0.05, 4, 0.74)])
+def test_intervals_of_average_precision_hold_it_less_often_near_0_and_100_percent(skill, scenes, share):
+    """The shares that the module states of an average precision of 95, 48 and 4 %."""
+    generator = stream(2, "sets", skill, scenes)
+    results = []
+    for trial in range(200):
+        detections, truths = zip(*(_alike_scene(generator, skill) for _ in range(scenes)), strict=True)
+        results.append(evaluate(detections, truths, ["car"], generator=stream(trial, "draws"), draws=200)["car"])
+    detections, truths = zip(*(_alike_scene(generator, skill) for _ in range(3000)), strict=True)
+    true = evaluate(detections, truths, ["car"])["car"].average_precision
+    held = np.mean([result.low <= true <= result.high for result in results])
+    assert held == pytest.approx(share, abs=0.07)
+
+
+@pytest.mark.parametrize("detected", [True, False])
+def test_an_interval_of_scenes_that_are_all_alike_has_no_width(detected):
+    """Nothing or everything is found in each: the docstring warns that this is no certainty."""
+    boxes, words = np.array([[0.0, 0.0, 10.0, 10.0]]), np.array(["car"])
+    seen = Detections.of(boxes, np.ones(1), ["car"]) if detected else Detections.none()
+    truth = GroundTruth(boxes, words, np.zeros(1, bool))
+    result = evaluate([seen] * 8, [truth] * 8, ["car"], generator=stream(0, "draws"))["car"]
+    assert (result.low, result.average_precision, result.high) == (float(detected),) * 3

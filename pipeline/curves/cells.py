@@ -69,7 +69,8 @@ def precision_interval(draws: Floats, ap_percent: float, scenes: int | None = No
 
     Returns:
         lower and upper end in percent. With `scenes`, draws that are NaN are left out, and the ends are NaN without any
-        other draw or with fewer than two scenes; without, they are NaN where any draw is.
+        other draw or with fewer than two scenes; without, they are NaN where any draw is. Near 0 and 100 % intervals of
+        few scenes are too narrow, and have no width where all draws are equal (`pipeline.cluster_intervals`).
     """
     if scenes is not None:
         return bias_corrected(draws, ap_percent, scenes, bounds=(0.0, 100.0))
