@@ -23,6 +23,7 @@ def query(surface: Path, sigma_dn: tuple[float, ...], mtf: tuple[float, ...]) ->
     """Average precision of SURFACE (a surface-*.npz) at a noise and an MTF, with its 95 % interval.
 
     Several --sigma and --mtf give every pair. Nothing is extrapolated: a place where nothing was measured is an error.
+    An MTF just above 1, as of a sharpened frame, lies in the bin of 1 and has the answer at its edge.
     """
     from pipeline.cli.given_paths import refuse_other_format
     from pipeline.curves import Surface

@@ -47,10 +47,12 @@ class Curve:
         """Average precision and its interval, linear between points.
 
         Raises:
-            InputError: outside of the measured range by more than half a bin, or in a gap of empty bins.
+            InputError: below 0, outside of the measured range by more than half a bin, or in a gap of empty bins.
         """
         if not np.isfinite(value):
             raise InputError(f"{self.quantity}: expected a number, not {value!r}")
+        if value < 0:
+            raise InputError(f"{self.quantity} {value:g}: expected a number of at least 0")
         if not self.edges[0, 0] <= value <= self.edges[-1, 1]:
             raise InputError(
                 f"{self.quantity} {value:g} is outside of what was measured, {self.at[0]:g} .. {self.at[-1]:g};"

@@ -4,8 +4,10 @@ The knots are the full bins, each at the mean place of its tuples. Three or four
 triangles, on which the surface is linear. A noise or MTF at which nothing at all was measured (a whole row or column of
 empty bins) is interpolated over if it is a single one; a single empty bin elsewhere is a hole. A query outside of all
 triangles is answered only within a full bin, by the nearest point of the surface; anywhere else it is refused: the
-surface is never extrapolated. The interval is that of the same mixture of the knots' bootstrap draws, wider for few
-scenes (`pipeline.cluster_intervals`).
+surface is never extrapolated. The outermost bins reach half a bin beyond their centres, so that an MTF just above 1,
+that of a sharpened frame, counts with those of 1; a noise below 0 DN or an MTF below 0 does not exist and is refused.
+The interval is that of the same mixture of the knots' bootstrap draws, wider for few scenes
+(`pipeline.cluster_intervals`).
 """
 
 from __future__ import annotations
@@ -127,8 +129,12 @@ class Surface:
     def at(self, sigma_dn: float, mtf: float) -> tuple[float, float, float]:
         """Average precision in percent, and the ends of its interval, at one place.
 
+        Args:
+            sigma_dn: noise, DN on the 0..255 scale, at least 0.
+            mtf: 0..1, or above 1 within the outermost bin.
+
         Raises:
-            InputError: nothing was measured there.
+            InputError: nothing was measured there, or one of both is negative or not finite.
         """
         precision, low, high, reason = self._answer(float(sigma_dn), float(mtf))
         if reason:
@@ -164,6 +170,8 @@ class Surface:
         nan = float("nan")
         if not (np.isfinite(sigma_dn) and np.isfinite(mtf)):
             return nan, nan, nan, f"sigma {sigma_dn:g} DN, MTF {mtf:g}: expected finite numbers"
+        if sigma_dn < 0 or mtf < 0:
+            return nan, nan, nan, f"sigma {sigma_dn:g} DN, MTF {mtf:g}: expected numbers of at least 0"
         position = np.array([sigma_dn, mtf]) / self._scale
         weights = self._inside(position)
         if weights is None:

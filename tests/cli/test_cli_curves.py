@@ -48,6 +48,13 @@ def test_what_was_not_measured_is_refused_and_the_rest_answered(surface: Path) -
     assert "Traceback" not in done.stderr
 
 
+def test_negative_noise_is_refused_and_an_mtf_just_above_1_has_the_answer_of_1(surface: Path) -> None:
+    done = ask("query", str(surface), "--sigma", "-2", "--sigma", "0", "--mtf", "1.04")
+    assert done.returncode == 2 and [line.split()[0] for line in done.stdout.splitlines()[1:]] == ["0.00"]
+    assert done.stdout.splitlines()[1].split()[2] == "80.00"
+    assert "sigma -2 DN, MTF 1.04: expected numbers of at least 0" in done.stderr
+
+
 def test_a_file_that_is_no_surface_is_named(tmp_path: Path) -> None:
     (tmp_path / "x.npz").write_bytes(b"none")
     done = ask("query", str(tmp_path / "x.npz"), "--sigma", "1", "--mtf", "1")

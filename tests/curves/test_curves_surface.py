@@ -25,7 +25,7 @@ def plane(sigma_dn: np.ndarray, mtf: np.ndarray) -> np.ndarray:
 def scattered(seed: int, per_bin: int = 1) -> tuple[np.ndarray, np.ndarray]:
     """Places all over the bins, as estimators report them."""
     generator = stream(seed, "tuples")
-    sigma = np.repeat(SIGMA, per_bin) + generator.uniform(-2.4, 2.4, len(SIGMA) * per_bin)
+    sigma = np.abs(np.repeat(SIGMA, per_bin) + generator.uniform(-2.4, 2.4, len(SIGMA) * per_bin))
     mtf = np.repeat(MTF, per_bin) + generator.uniform(-0.048, 0.048, len(MTF) * per_bin)
     return sigma, mtf
 
@@ -70,7 +70,7 @@ def test_a_curved_surface_is_recovered_to_the_bins_curvature() -> None:
 
 @given(
     st.integers(0, 10_000),
-    st.floats(-2.5, 27.5),
+    st.floats(0, 27.5),
     st.floats(0.35, 1.05),
 )
 def test_answers_lie_between_the_knots_around(seed: int, sigma_dn: float, mtf: float) -> None:
@@ -112,13 +112,25 @@ def test_triangles_cover_full_bins_without_overlap(seed: int) -> None:
 
 def test_nothing_is_extrapolated() -> None:
     surface = build(SIGMA, MTF, plane(SIGMA, MTF), stream(1, "boot"))
-    for sigma, mtf in ((28.0, 0.9), (-3.0, 0.9), (10.0, 0.3), (10.0, 1.06), (np.nan, 0.9), (5.0, np.inf)):
+    for sigma, mtf in ((28.0, 0.9), (10.0, 0.3), (10.0, 1.06), (np.nan, 0.9), (5.0, np.inf)):
         with pytest.raises(InputError, match="not extrapolated|finite"):
             surface.at(sigma, mtf)
     answer = surface.query([10.0, 40.0], 0.8)
     assert answer.ap_percent[0] == pytest.approx(34.0) and np.isnan(answer.ap_percent[1])
     assert answer.reason[0] == "" and "nothing was measured there" in answer.reason[1]
     assert surface.at(27.0, 1.04)[0] == pytest.approx(surface.at(25.0, 1.0)[0])  # within the last bin: its border
+
+
+@pytest.mark.parametrize(("sigma_dn", "mtf"), [(-2.0, 1.05), (-1e-9, 0.9), (5.0, -0.04)])
+def test_what_does_not_exist_is_refused_though_its_bin_is_full(sigma_dn: float, mtf: float) -> None:
+    """The bins of 0 DN and of an MTF of 0 begin half a bin below their centres; 0 itself is answered."""
+    sigma, contrast = (axis.ravel() for axis in np.meshgrid(SIGMA_BINS_DN, [0.0, 0.5, 1.0], indexing="ij"))
+    surface = build(sigma, contrast, 80 - sigma, stream(1, "boot"), mtf_bins=[0.0, 0.5, 1.0])
+    with pytest.raises(InputError, match="expected numbers of at least 0"):
+        surface.at(sigma_dn, mtf)
+    answer = surface.query([sigma_dn, 0.0], [mtf, 0.0])
+    assert np.isnan([answer.ap_percent[0], answer.low[0]]).all() and "at least 0" in answer.reason[0]
+    assert answer.ap_percent[1] == 80.0 and answer.reason[1] == ""
 
 
 def test_an_empty_bin_is_a_hole() -> None:
