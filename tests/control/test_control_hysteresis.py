@@ -112,6 +112,16 @@ def test_reversals_are_forgotten_when_light_or_speed_have_changed(light, mark):
     assert rule.required_percent == 1.0
 
 
+def test_a_light_that_was_not_seen_at_first_is_noticed_once_it_is():
+    rule = Hysteresis(1.0)
+    rule.observe(math.nan, 0)
+    rule.observe(1.0, 0)
+    rule.count(LONG, SHORT)
+    rule.count(SHORT, LONG)
+    rule.observe(0.5, 0)
+    assert rule.required_percent == 1.0
+
+
 def known_speed(speeds):
     """Points that a change must promise at the end, of a drive of known speeds in which settings alternate."""
     policy, scene, state = control.create("iopc_optimal", camera=CAMERA, performance=SURFACE), Scene(0.1), LONG

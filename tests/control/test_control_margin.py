@@ -36,6 +36,20 @@ def test_margin_is_the_average_precision_of_the_same_settings_in_less_light():
     np.testing.assert_allclose(after_fall(SURFACE, CAMERA.formation, at, states), expected, rtol=1e-3)
 
 
+def test_margin_is_asked_at_the_brightness_after_the_fall():
+    """By a surface whose darker frames are 20 points worse; what is darker than these counts as they do."""
+    states = [CameraState.of(8.0, 200.0), CameraState.of(2.0, 800.0)]
+    bright, dark, known = Scene(0.5, 400.0), Scene(0.5 / FALL, 400.0), darker_performance(-20.0)
+    seen = bright.truth(states[0])
+    at = predict(CAMERA.formation, seen.sigma_dn, seen.motion_px, bright.linear_level(states[0]), states[0], states)
+    there = [dark.truth(state) for state in states]
+    noise, motion = [one.sigma_dn for one in there], [one.motion_px for one in there]
+    levels = np.maximum([one.mean_level for one in there], known.darkest_level)
+    expected = np.nan_to_num(known.expected(noise, motion, levels).ap_percent)
+    assert (expected < SURFACE.expected(noise, motion).ap_percent - 5.0).all()
+    np.testing.assert_allclose(after_fall(known, CAMERA.formation, at, states), expected, rtol=1e-3)
+
+
 def test_margin_of_what_the_surface_refuses_is_nothing():
     noisy = [CameraState.of(0.05, 3200.0)]
     at = predict(CAMERA.formation, 39.0, 0.0, 0.2, noisy[0], noisy)

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from sweep_makers import FRAMES, LEVELS, SIZES, sweep_tables
 
+from pipeline.cluster_intervals import small_sample_factor
 from pipeline.curves import Surface, directions, precision
 from pipeline.curves.cells import precision_interval
 from pipeline.errors import InputError
@@ -188,6 +189,8 @@ def test_directions_without_an_effect_are_rarely_told_apart() -> None:
         exceeding += spread > directions.chance(resampled, 16)
     assert exceeding <= 0.05 * 300
     assert directions.chance(np.full((4, 9), 50.0), 8) == 0
+    apart = np.linspace(-1.0, 1.0, 2001)  # two directions that err oppositely: their range is evenly spread over 0..2
+    assert directions.chance(50.0 + np.stack([apart, -apart]), 8) == pytest.approx(1.95 * small_sample_factor(8))
     assert np.isinf(directions.chance(np.full((4, 9), 50.0), 1))
 
 
