@@ -83,6 +83,14 @@ class Fit:
     def predict(self, iso: ArrayLike, exposure_ms: ArrayLike) -> tuple[Floats, Floats]:
         """The fitted average precision and its standard deviation, percent, in the common shape of the arguments.
 
+        The form is the paper's and has no bounds: values below 0 or above 100 % are misfit. With errors or resamples
+        given, the standard deviation is that of sampling, given the form: it leaves out lack of fit, which `residual`
+        shows and which may be larger.
+
+        Args:
+            iso: (...) within the range of the data.
+            exposure_ms: (...) likewise.
+
         Raises:
             InputError: outside the range of the data, where a sum of such terms means nothing.
         """

@@ -108,6 +108,28 @@ def test_resamples_that_do_not_scatter_leave_the_errors_that_were_given() -> Non
     np.testing.assert_allclose(resampled.std_dev, given_errors.std_dev, rtol=1e-6)
 
 
+def test_resamples_that_scatter_as_much_as_their_errors_give_the_scatter_of_their_own_fits() -> None:
+    """The fit is linear: the fits to the single resamples, with the same weights, are the peer."""
+    iso, exposure = settings()
+    generator = stream(6, "regression")
+    clean = evaluate([-5e-5, -3e-3, -1.2, 6.6, 17, 980, -290, -2.6], iso, exposure)
+    draws = clean[:, None] + generator.normal(size=60) + generator.normal(0, 0.5, (len(iso), 60))
+    errors = draws.std(axis=1, ddof=1)
+    resampled = fit(iso, exposure, clean, errors, draws_percent=draws)
+    fits = np.array([fit(iso, exposure, drawn, errors).value for drawn in draws.T])
+    np.testing.assert_allclose(resampled.std_dev, fits.std(axis=0, ddof=1), rtol=1e-6)
+
+
+def test_a_prediction_may_leave_0_to_100_and_its_deviation_does_not_hold_the_misfit() -> None:
+    """Average precision that saturates at 100 %, measured nearly without error: the form has no bound."""
+    iso, exposure = settings()
+    data = np.minimum(evaluate([0, -0.03, -1.5, 0, 140, 0, 0, 0], iso, exposure), 100.0)
+    estimate = fit(iso, exposure, data, np.full(len(iso), 0.1))
+    value, deviation = estimate.predict(iso, exposure)
+    assert data.max() == 100.0 and value.max() > 102.0
+    assert np.abs(estimate.residual).max() > 20 * deviation.max()
+
+
 @given(st.lists(st.floats(-1, 1), min_size=8, max_size=8))
 def test_recovers_any_surface_of_its_kind(shares: list[float]) -> None:
     """Coefficients whose terms reach up to 30 points each are found to a billionth of that."""
