@@ -28,7 +28,8 @@ def plain(template, job):
 def test_declared_parameters_are_those_the_stage_reads(name):
     module = importlib.import_module(f"pipeline.stages.{module_of(name)}")
     assert module.run.name == module_of(name) and name.startswith(module.run.name)
-    read = [path for path in STAGES[name]["params"] if not path.startswith("plug_ins.")]  # those are hashes of source
+    hashes = ("plug_ins.", "option_files.")  # of source and of files, which no stage reads
+    read = [path for path in STAGES[name]["params"] if not path.startswith(hashes)]
     assert sorted(module.run.reads) == sorted(plain(path, module.run.job) for path in read)
 
 
@@ -57,6 +58,14 @@ def test_stages_that_execute_third_parties_code_follow_an_edit_of_it():
         "closed_loop": {"control"},
     }
     assert set.union(*followed.values()) == set(PARAMS["plug_ins"])
+
+
+def test_stages_that_run_estimators_by_their_options_follow_the_files_that_these_name():
+    sections = {"noise.estimators": "noise", "blur.estimators": "blur", "real_noise.estimators": "real_noise"}
+    for name, body in STAGES.items():
+        read = {part for path in body["params"] for key, part in sections.items() if path.startswith(key)}
+        followed = {path.split(".")[1] for path in body["params"] if path.startswith("option_files.")}
+        assert followed == read, name
 
 
 @pytest.mark.parametrize("name", GRAPH)

@@ -66,7 +66,8 @@ def load(
         kernels ordered by kind, size, angle; (h, w) float32, sum 1.
 
     Raises:
-        InputError: no such folder or no such kernels in it, or a picture that cannot be read as a kernel.
+        InputError: no such folder; a kind or size without a kernel in it, or two of one kind, size and angle; or a
+            picture that cannot be read as a kernel.
     """
     folder = Path(folder)
     if not any((folder / name).is_dir() for _, name in _FOLDERS):
@@ -100,7 +101,28 @@ def load(
         raise InputError(
             f"no kernel in '{folder}' of kinds {_words(kinds)}, sizes {_words(sizes_px)}, angles {_words(angles_deg)}"
         )
+    _check_all_there(kernels, kinds, sizes_px, str(folder))
     return kernels
+
+
+def _check_all_there(
+    kernels: list[PaperKernel], kinds: Collection[str] | None, sizes_px: Collection[float] | None, folder: str
+) -> None:
+    """Refuse kinds or sizes that have no kernel, and kernels that share a name: the later would replace the earlier."""
+    by_name: dict[str, PaperKernel] = {}
+    for kernel in kernels:
+        twin = by_name.setdefault(kernel.name, kernel)
+        if twin is not kernel:
+            raise InputError(
+                f"two kernels in '{folder}' are called {kernel.name}: {twin.path.parent.name} and "
+                f"{kernel.path.parent.name}; keep one intensity of each size and angle"
+            )
+    absent = set(kinds or ()) - {kernel.kind for kernel in kernels}
+    if absent:
+        raise InputError(f"no kernel in '{folder}' of kind {_words(sorted(absent))} (sizes {_words(sizes_px)})")
+    unknown = set(sizes_px or ()) - {kernel.size_px for kernel in kernels}
+    if unknown:
+        raise InputError(f"no kernel in '{folder}' of size {_words(sorted(unknown))} px; psf.sizes_px names the sizes")
 
 
 def _words(wanted: Collection[object] | None) -> str:

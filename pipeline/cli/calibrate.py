@@ -42,7 +42,7 @@ class _Area(click.ParamType):
     "--area", "areas", multiple=True, type=_Area(),
     help="with --chart edge: where a slanted edge crosses the picture; may be repeated, applies to every picture",
 )  # fmt: skip
-@click.option("--rays", type=click.IntRange(4, 2000), help="with --chart star: bright rays in a turn, even, from 24 on")
+@click.option("--rays", type=click.IntRange(24, 2000), help="with --chart star: bright rays in a turn, even")
 @click.option("--calibrate-estimator", is_flag=True, help="scenes: also correct the estimator's error (a minute)")
 @click.option("--blur", "blur_name", default="spectral", show_default=True, help="blur estimator to calibrate")
 def command(

@@ -39,7 +39,7 @@ SMOOTHED_NOTE = (
 @click.option("--size-px", default=None, type=FiniteRange(0, LARGEST_KERNEL_PX), help="size of the blur kernel, pixels")
 @click.option(
     "--mtf50", default=None, type=FiniteRange(0, 1),
-    help="instead of a size: where contrast falls to half, fraction of Nyquist",
+    help="instead of a size (not of nonlinear_motion): where contrast falls to half, fraction of Nyquist",
 )  # fmt: skip
 @click.option(
     "--angle-deg", default=0.0, show_default=True, type=FiniteRange(-360, 360),
@@ -175,6 +175,8 @@ def _kernel(
         return None
     if blur not in kinds():
         raise InputError(f"--blur {blur}: unknown; {did_you_mean(blur, kinds())}")
+    if mtf50 is not None and blur == "nonlinear_motion":
+        raise InputError("--blur nonlinear_motion --mtf50: its path is drawn at random, give --size-px instead")
     if mtf50 is not None and size_px is None:
         try:
             return psf_for_mtf50(blur, mtf50, angle_deg=angle_deg)[1]

@@ -114,7 +114,8 @@ def command(**given: Any) -> None:
     10 frames per second.
 
     Where a threshold is given, but its quantity is unknown and no bound of it keeps the threshold, the frame is
-    *undecided*, which the verdict counts.
+    *undecided*, which the verdict counts. Noise above 60 DN (beyond) has no estimate, and is an alarm of any
+    threshold below.
 
     Exit codes: 0 fine; 3 alarm (threshold or trend); else 2 if a file could not be used; 130 interrupted.
     """

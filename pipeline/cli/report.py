@@ -32,7 +32,7 @@ def command() -> None:
 @click.option("--json", "as_json", is_flag=True, help="print everything as one JSON object")
 @click.option("--fail", is_flag=True, help="exit code 3 where anything differs")
 def diff(before: Path, after: Path, tolerance_percent: float, most: int, as_json: bool, fail: bool) -> None:
-    """Compare the metrics of two reports: folders reports/ (or reports/metrics, or single JSON files).
+    """Compare the metrics of two reports: folders of the project, reports/, reports/metrics, or single JSON files.
 
     Prints how many numbers are equal, changed, added and removed, per stage, then the changes: first those
     without a ratio (a number that was 0, or that is missing or not finite in either report), then the largest relative
@@ -75,7 +75,7 @@ def metrics(path: Path) -> dict[str, Any]:
     """The numbers of a report.
 
     Args:
-        path: folder ``reports`` or ``reports/metrics``, or one JSON file.
+        path: folder of the project, ``reports`` or ``reports/metrics``, or one JSON file.
 
     Returns:
         ``FILE:key.key`` -> number or text.
@@ -86,7 +86,8 @@ def metrics(path: Path) -> dict[str, Any]:
     if path.is_file():
         files, root = [path], path.parent
     else:
-        root = path / "metrics" if (path / "metrics").is_dir() else path
+        folders = [path / inside for inside in ("reports/metrics", "metrics") if (path / inside).is_dir()]
+        root = folders[0] if folders else path
         files = sorted(root.rglob("*.json")) if root.is_dir() else []
     if not files:
         raise InputError(f"{path}: no metrics; expected a folder reports/ with metrics/*.json, or one JSON file")

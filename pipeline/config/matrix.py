@@ -14,6 +14,9 @@ holds what third parties registered.
 PlugIns = dict[Name, dict[Name, str]]
 """SHA-256 of the source behind every member that a third party registered: what it is for -> member -> digits."""
 
+OptionFiles = dict[Name, dict[Name, dict[Name, str]]]
+"""SHA-256 of the files that options of estimators name, as of weights: what it is for -> member -> option -> digits."""
+
 
 class DatasetFiles(Settings):
     """What the stage `index` of one dataset depends on.
@@ -21,10 +24,12 @@ class DatasetFiles(Settings):
     Attributes:
         data: a folder, or a file that changes with the data.
         whitelist: list of frames; a file that never changes where there is none.
+        images: folder of pictures that lie elsewhere (option ``images``); likewise.
     """
 
     data: str
     whitelist: str
+    images: str
 
 
 class ReadFiles(Settings):

@@ -66,6 +66,11 @@ def _problems(config: Any) -> Iterator[str]:
     address, backend = config.executor.address, config.executor.backend
     if backend == "dask" and not (address and re.fullmatch(ADDRESS_PATTERN, address)):
         yield f"executor.address={address}: expected the scheduler's address, e.g. tcp://127.0.0.1:8786"
+    if backend != "dask" and address:
+        yield f"executor.address={address}: only executor.backend=dask uses it (backend is '{backend}')"
+    if config.camera.kind != "physical" and config.camera.poisson != "exact":
+        method = config.camera.poisson
+        yield f"camera.poisson={method}: only camera.kind=physical uses it (kind is '{config.camera.kind}')"
 
 
 def _kind(key: str, package: str, entry: Any) -> Iterator[str]:
@@ -137,6 +142,9 @@ def _paths(config: Any) -> Iterator[str]:
         root = dataset.root
         if root is not None and not _may_be_made(root, config.root) and not Path(root).is_dir():
             yield f"datasets.{name}.root={root}: no such folder; see data/raw/README.md for what goes where"
+        images = dataset.options.get("images")
+        if images is not None and not Path(images).is_dir():
+            yield f"datasets.{name}.options.images={images}: no such folder"
         if dataset.whitelist is not None and not Path(dataset.whitelist).is_file():
             yield f"datasets.{name}.whitelist={dataset.whitelist}: no such file"
     for name, recording in config.real_noise.recordings.items():
@@ -149,6 +157,16 @@ def _paths(config: Any) -> Iterator[str]:
                 f"detection.detectors.{name}.weights={weights}: no such file; "
                 "'camera-monitor weights list' shows what there is to get"
             )
+    for section, estimators in (
+        ("noise", config.noise.estimators),
+        ("real_noise", config.real_noise.estimators),
+        ("blur", config.blur.estimators),
+    ):
+        for name, estimator in estimators.items():
+            for option, value in estimator.options.items():
+                absent = option.endswith("weights") and isinstance(value, str) and not Path(value).is_file()
+                if absent and not _may_be_made(value, config.root):
+                    yield f"{section}.estimators.{name}.options.{option}={value}: no such file"
     if config.psf.source == "paper" and not Path(config.psf.folder).is_dir():
         yield f"psf.folder={config.psf.folder}: no such folder of the paper's kernels"
 

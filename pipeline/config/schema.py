@@ -15,7 +15,7 @@ from pipeline.blur.settings import AblationSettings
 from pipeline.camera.settings import CameraSettings, PsfSettings
 from pipeline.config.detection import DetectionSettings
 from pipeline.config.execution import ExecutorSettings, Profile, Root
-from pipeline.config.matrix import ByKind, MatrixSettings, PlugIns, ReadFiles
+from pipeline.config.matrix import ByKind, MatrixSettings, OptionFiles, PlugIns, ReadFiles
 from pipeline.config.train import TrainSettings
 from pipeline.control.settings import ControlSettings
 from pipeline.datasets.settings import Datasets
@@ -58,6 +58,7 @@ class Config(Settings):
     matrix: MatrixSettings
     by_kind: ByKind
     plug_ins: PlugIns
+    option_files: OptionFiles
     read_files: ReadFiles
 
     @model_validator(mode="after")

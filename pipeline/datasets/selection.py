@@ -36,14 +36,17 @@ def evaluation_frames(
         count: at most this many, evenly spread; None takes all.
     """
     from pipeline.datasets.index import indexed_frames
+
+    frames = with_options(name, section, options) if options else indexed_frames(folder, name, section)
+    return evenly_spread(frames, count)
+
+
+def with_options(name: str, section: DatasetSettings, options: dict[str, Any]) -> list[Frame]:
+    """Every frame without a defect that a dataset's reader gives with options beside those of its section."""
     from pipeline.datasets.open import open_section
 
-    if options:
-        changed = section.model_copy(update={"options": {**section.options, **options}, "limit": None})
-        frames = [frame for frame in open_section(name, changed).frames() if not frame.defect]
-    else:
-        frames = indexed_frames(folder, name, section)
-    return evenly_spread(frames, count)
+    changed = section.model_copy(update={"options": {**section.options, **options}, "limit": None})
+    return [frame for frame in open_section(name, changed).frames() if not frame.defect]
 
 
 def scene_of(kind: str, frame: str) -> str:

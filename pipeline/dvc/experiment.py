@@ -16,7 +16,7 @@ from pipeline.errors import InputError
 
 CONF, PARAMS = Path("conf"), "params.yaml"
 USER_FOLDER, TRACKED = Path("data/raw"), Path("data/raw/README.md")
-DERIVED = ("by_kind", "read_files")
+DERIVED = ("by_kind", "option_files", "read_files")
 """Sections of paths that other keys give."""
 
 

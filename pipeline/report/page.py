@@ -47,7 +47,9 @@ def _ledger_parts(rows: Sequence[LedgerRow]) -> list[dict[str, Any]]:
         if selected:
             result, table = score(selected), to_table(selected, f"ledger_{item.name}", f"{item.title}.")
             missing = sorted({(row.why, row.line) for row in selected if row.verdict == "not run"})
-            any_ran, shown = result.total > result.counts["not run"], to_html(replace(table, footnotes=()))
+            # The files are those of the whole ledger.
+            shown = to_html(replace(table, footnotes=()), files=False)
+            any_ran = result.total > result.counts["not run"]
             part = {"title": item.title, "score": result, "any": any_ran, "missing": missing, "table": shown}
             parts.append(part)
     return parts

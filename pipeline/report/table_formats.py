@@ -103,12 +103,13 @@ def to_latex(table: Table) -> str:
     return "\n".join(lines) + "\n"
 
 
-def to_html(table: Table, folded: bool = False) -> str:
+def to_html(table: Table, folded: bool = False, files: bool = True) -> str:
     """A ``<figure>`` with a sortable table, for the page; every text is escaped by the template engine.
 
     Args:
         table: what it shows.
         folded: the rows open by a click on their number.
+        files: name the files that `save` writes.
     """
     from pipeline.report.templates import environment
 
@@ -121,7 +122,7 @@ def to_html(table: Table, folded: bool = False) -> str:
     return environment().get_template("table.html.j2").render(
         table=table, numeric={column.name: table.is_numeric(column) for column in table.columns}, sort_key=sort_key,
         is_estimate=lambda cell: isinstance(cell, Estimate), number=format_number, interval=format_interval,
-        line=format_cell, folded=folded,
+        line=format_cell, folded=folded, files=files,
     )  # fmt: skip
 
 

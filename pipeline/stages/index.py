@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from pipeline.config.entry import Run, stage
 
-READS = ["datasets.{dataset}", "noise.tile_px", "blur.patch_px", "report.example_frames"]
+READS = [
+    "datasets.{dataset}", "noise.tile_px", "blur.patch_px", "report.example_frames", "detection.sweep.options",
+]  # fmt: skip
 
 
 @stage("index", reads=READS, job=["dataset"])
@@ -13,8 +15,10 @@ def run(run: Run) -> None:
     from pipeline import store, tables
     from pipeline.camera.quantise import to_8bit
     from pipeline.config.hydra_plugins.plug_in_sources import digest
+    from pipeline.datasets.content import content_of
     from pipeline.datasets.index import index
     from pipeline.datasets.open import open_section
+    from pipeline.datasets.selection import with_options
 
     name, params = run.job["dataset"], run.params
     dataset = open_section(name, params.datasets[name])
@@ -40,7 +44,11 @@ def run(run: Run) -> None:
         store.write_json(folder / "notes.json", result.notes)
         store.write_json(folder / "samples.json", boxes)
         store.write_arrays(folder / "samples.npz", **{f"frame_{f.name}": to_8bit(f.image()) for f in shown})
-        store.write_json(folder / "manifest.json", {f.name: store.file_sha256(f.path) for f in result.usable})
+        # What stages that depend on this index read of the dataset itself: an edit of it must run them again.
+        store.write_json(folder / "manifest.json", content_of(result.usable))
+        if options := params.detection.sweep.options.get(name):
+            more = with_options(name, params.datasets[name], options)
+            store.write_json(folder / "detection_manifest.json", content_of(more))
         source = digest("pipeline.datasets", params.datasets[name].kind)
         if source is not None:  # a third party's reader, which all that depends on this index executes
             store.write_json(folder / "reader.json", {"package_sha256": source})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import cv2
@@ -50,6 +51,16 @@ def test_kernels_can_be_chosen(tree: Path) -> None:
     assert [k.name for k in paper_kernels.load(tree, angles_deg=[90])] == ["defocus_3"]
     with pytest.raises(InputError, match="sizes 21"):
         paper_kernels.load(tree, sizes_px=[21])
+
+
+def test_kernels_that_are_absent_or_share_a_name_are_refused(tree: Path) -> None:
+    with pytest.raises(InputError, match=r"kind nonlinear_motion"):
+        paper_kernels.load(tree, kinds=["defocus", "nonlinear_motion"])
+    with pytest.raises(InputError, match=r"size 5, 9 px"):
+        paper_kernels.load(tree, sizes_px=[3, 5, 9])
+    shutil.copytree(tree / "motionBlur/linear/0.0+7_45", tree / "motionBlur/linear/0.5+7_45")
+    with pytest.raises(InputError, match=r"linear_motion_7_45: 0\.0\+7_45 and 0\.5\+7_45"):
+        paper_kernels.load(tree)
 
 
 def test_centred_kernels_keep_their_mtf(tree: Path) -> None:

@@ -67,7 +67,7 @@ NUMBERS: dict[tuple[str, ...], dict[str, tuple[str, ...]]] = {
     ("calibrate", "mine", "{good}", "--chart", "edge"): {
         "--area": ("1,2,3", "a,b,c,d", "0,0,0,0", "-1,0,5,5", "0,0,9999,9999", "1.5,2,30,40", ""),
     },
-    ("calibrate", "mine", "{good}", "--chart", "star"): {"--rays": ("0", "3", "7", "99999", "x")},
+    ("calibrate", "mine", "{good}", "--chart", "star"): {"--rays": ("0", "3", "23", "99999", "x")},
     ("report", "diff", "{good}", "{good}"): {"--tolerance-percent": ("nan", "-1", "101", "x"), "--most": ("-1", "x")},
     ("curves", "query", "{absent}"): {"--sigma": ("x",), "--mtf": ("x",)},
     ("record", "sensor", "--light", "{dir}", "--dark", "{dir}", "--source", "x", "--to", "{absent}"): {
@@ -114,6 +114,7 @@ WORDS: list[tuple[list[str], str]] = [
     (["corrupt", "{good}", "--out", "{absent}", "--blur", "defocus"], "--size-px"),
     (["corrupt", "{good}", "--out", "{absent}", "--blur", "defocus", "--size-px", "5", "--mtf50", "0.3"], "--size-px"),
     (["corrupt", "{good}", "--out", "{absent}", "--mtf50", "0.3"], "--blur"),
+    (["corrupt", "{good}", "--out", "{absent}", "--blur", "nonlinear_motion", "--mtf50", "0.3"], "--size-px instead"),
     (["corrupt", "{good}", "--out", "{absent}", "--camera", "phsical"], "physical"),
     (["corrupt", "{good}", "--out", "{absent}", "--pipeline", "phoone"], "phone"),
     (["corrupt", "{good}", "--out", "{absent}", "--pipeline", "phone", "--sigma-dn", "3"], "--sigma-dn"),

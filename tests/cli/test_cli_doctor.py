@@ -142,6 +142,9 @@ def test_report_diff_lists_numbers_that_vanished_first_and_calls_no_change_small
 def test_report_diff_takes_folders_of_metrics_and_single_files_and_refuses_others(tmp_path):
     old = write(tmp_path / "a", noise={"x": 1.0})
     assert metrics(old) == metrics(old / "metrics") == {"noise:x": 1.0}
+    project = write(tmp_path / "project/reports", noise={"x": 1.0}).parent
+    (project / "params.json").write_text('{"y": 2.0}')
+    assert metrics(project) == {"noise:x": 1.0}
     assert metrics(old / "metrics/noise.json") == {":x": 1.0}
     assert compare({"a": float("nan")}, {"a": float("nan")}, 0.0) == []
     (old / "metrics/noise.json").write_text("{")

@@ -30,7 +30,8 @@ MEMBERS = [
     "+blur.estimators.mine={kind: flat}",
     "+detection.detectors.mine={kind: spots}",
     "+control.policies.mine={kind: shorter}",
-    "+datasets.mine={kind: drives, root: /drives, dvc_dependency: /drives, whitelist: /some.txt}",
+    "+datasets.mine={kind: drives, root: /drives, dvc_dependency: /drives, whitelist: /some.txt, "
+    "options: {images: /pictures}}",
     "detection.measure.sigma=columns",
     "detection.measure.mtf=flat",
 ]
@@ -93,13 +94,31 @@ def test_without_third_parties_the_sections_are_empty() -> None:
     assert digest("pipeline.noise", "pca") is None
 
 
+@pytest.fixture
+def at_top(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+
+
+@pytest.mark.usefixtures("at_top")
+def test_another_file_behind_an_option_changes_what_its_stages_depend_on(tmp_path: Path) -> None:
+    weights = tmp_path / "mine.safetensors"
+    given = f"+blur.estimators.mine={{kind: spectral, options: {{weights: {weights}, batch: 8, output: system}}}}"
+    weights.write_bytes(b"first")
+    before = composed(given)["option_files"]
+    assert set(before["blur"]["mine"]) == {"weights"} and before["blur"]["spectral"] == {}
+    assert composed(given)["option_files"] == before
+    weights.write_bytes(b"second")
+    after = composed(given)["option_files"]
+    assert after["blur"]["mine"] != before["blur"]["mine"] and after["noise"] == before["noise"]
+
+
 def test_stages_depend_on_whitelists_and_on_the_folder_of_kernels(package: Path, tmp_path: Path) -> None:
     graph = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))
     content = composed(*MEMBERS, "psf=paper", "psf.folder=/kernels")
     (index,) = (group for group in groups(graph, content) if group.name == "index")
     mine = next(item for item in index.items if item["key"] == "mine")
-    assert {"${item.data}", "${item.whitelist}"} <= set(index.body["deps"])
-    assert (mine["item.data"], mine["item.whitelist"]) == ("/drives", "/some.txt")
+    assert {"${item.data}", "${item.whitelist}", "${item.images}"} <= set(index.body["deps"])
+    assert [mine[f"item.{name}"] for name in ("data", "whitelist", "images")] == ["/drives", "/some.txt", "/pictures"]
     assert [item["key"] for item in index.items] == list(content["datasets"])
     assert "${read_files.psf}" in graph["stages"]["psf_bank"]["deps"]
     assert content["read_files"]["psf"] == "/kernels"

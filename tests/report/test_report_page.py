@@ -119,6 +119,16 @@ def test_figures_and_tables_lie_beside_the_page(report_folder: Path) -> None:
     assert {"ledger.csv", "noise_sim.tex", "noise_sim.md", "quarantine.csv"} <= tables
 
 
+def test_every_file_that_the_page_names_lies_beside_it(text: str, report_folder: Path) -> None:
+    names = re.findall(r'class="files">([^<]+)<', text)
+    assert "tables/ledger.csv, .md, .tex" in names and len(names) > 10
+    for name in names:
+        first, *suffixes = name.split(", ")
+        stem = first.removesuffix(Path(first).suffix)
+        for file in (first, *(stem + suffix for suffix in suffixes)):
+            assert (report_folder / file).is_file(), file
+
+
 def test_an_empty_run_still_gives_a_report_that_says_so(tmp_path: Path) -> None:
     result = build(ReportInputs(paper=REPO / "data/paper", absent=ABSENT), tmp_path)
     text = (tmp_path / "index.html").read_text(encoding="utf-8")

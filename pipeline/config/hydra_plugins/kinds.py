@@ -4,7 +4,8 @@
 them; ``${names_of_other_kind:...}`` of none of them. ``${dependencies_of_kind:detection.detectors,yolox}`` maps names
 to the file that their stage `detector` depends on, ``${dependencies_of_datasets:datasets}`` to those of `index`.
 ``${dependency_folder:...}`` is a folder, or `NO_DATA` where it is null. ``${sources_of_plug_ins:noise.estimators,
-pipeline.noise}`` maps the names whose ``kind`` a third party registers to the SHA-256 of its source.
+pipeline.noise}`` maps the names whose ``kind`` a third party registers to the SHA-256 of its source,
+``${files_of_options:noise.estimators}`` names to the SHA-256 of files among their options, as of weights.
 `pipeline.config.compose` imports this file; DVC loads it as a Hydra plugin (``hydra.plugins_path`` in ``.dvc/config``),
 so it imports nothing of the package but the file beside it.
 """
@@ -12,8 +13,10 @@ so it imports nothing of the package but the file beside it.
 from __future__ import annotations
 
 import contextlib
+import hashlib
 from importlib.metadata import entry_points
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig, ListConfig, OmegaConf
@@ -77,13 +80,14 @@ def dependencies_of_other_kind(path: str, *kinds: str, _root_: Any) -> DictConfi
 
 
 def dependencies_of_datasets(path: str, *, _root_: Any) -> DictConfig:
-    """Names of datasets, with the data and the list of frames that their stage `index` depends on."""
+    """Names of datasets, with the data, list of frames and other folder of pictures that `index` depends on."""
     members = OmegaConf.select(_root_, path)
     return OmegaConf.create(
         {
             str(name): {
                 "data": dependency_folder(_value(member, "dvc_dependency")),
                 "whitelist": dependency_folder(_value(member, "whitelist")),
+                "images": dependency_folder(_value(_value(member, "options"), "images")),
             }
             for name, member in members.items()
         }
@@ -107,6 +111,19 @@ def sources_of_plug_ins(path: str, group: str, *, _root_: Any) -> DictConfig:
     return OmegaConf.create({name: value for name, value in digests.items() if value is not None})
 
 
+def files_of_options(path: str, *, _root_: Any) -> DictConfig:
+    """Names of a section's members, each with the options that name a file and the file's SHA-256."""
+    return OmegaConf.create(
+        {str(name): _file_hashes(_value(member, "options")) for name, member in OmegaConf.select(_root_, path).items()}
+    )
+
+
+def _file_hashes(options: Any) -> dict[str, str]:
+    listed = options.items() if isinstance(options, DictConfig) else ()
+    files = {str(key): Path(value) for key, value in listed if isinstance(value, str)}
+    return {key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in sorted(files.items()) if path.is_file()}
+
+
 def dependency_folder(folder: str | None) -> str:
     """What a stage depends on that reads a user's folder."""
     return NO_DATA if folder is None else str(folder)
@@ -119,6 +136,7 @@ for resolver in (
     dependencies_of_other_kind,
     dependencies_of_datasets,
     dependency_folder,
+    files_of_options,
     sources_of_plug_ins,
 ):
     OmegaConf.register_new_resolver(resolver.__name__, resolver, replace=True)
