@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -11,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.datasets.frame import Box
-from pipeline.datasets.sim import NOTHING_IGNORED, Sim
+from pipeline.datasets.sim import NAME, NOTHING_IGNORED, Sim
 from pipeline.errors import InputError
 from pipeline.store import read_arrays
 
 SPLIT = "evaluation"
 SUN_RADIANCE = 400.0
-_NAME = re.compile(r"^(?P<viewpoint>.+)-(?P<moment>\d+)$")
 
 
 @dataclass(frozen=True)
@@ -45,7 +43,11 @@ class View:
 
 @lru_cache(maxsize=64)  # every moment of a fold, 3 MB each: a worker returns to them at every step
 def radiance_at(path: Path) -> NDArray[np.float32]:
-    """(H, W) linear radiance of a file that the stage `render_sim` wrote."""
+    """(H, W) linear radiance of a file that the stage `render_sim` wrote.
+
+    Raises:
+        InputError: it cannot be read or holds no radiance.
+    """
     arrays = read_arrays(path)
     if "radiance" not in arrays:
         raise InputError(f"{path}: expected the array 'radiance'; render again with scenes.radiance=true")
@@ -64,7 +66,7 @@ def views(root: Path, moments: int | None = None) -> list[View]:
     """
     results = []
     for frame in Sim("sim", root, split=SPLIT, moments="all", **NOTHING_IGNORED).frames():
-        match = _NAME.match(frame.name)
+        match = NAME.match(frame.name)
         path = frame.path.with_name(f"{frame.name}.radiance.npz")
         if match is None or frame.defect or (moments is not None and int(match["moment"]) >= moments):
             continue

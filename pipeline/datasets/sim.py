@@ -30,7 +30,8 @@ from pipeline.errors import InputError
 MOMENTS = ("last", "all")
 NOTHING_IGNORED: dict[str, Any] = {"min_height_px": 0.0, "min_visible_fraction": 0.0}
 """Options for those who decide by rules of their own which objects count."""
-_NAME = re.compile(r"^(?P<viewpoint>.+)-(?P<moment>\d+)$")
+NAME = re.compile(r"^(?P<viewpoint>.+)-(?P<moment>\d+)$")
+"""Of a frame: viewpoint and moment."""
 
 
 class Sim(Dataset):
@@ -73,7 +74,7 @@ class Sim(Dataset):
     def _read(self) -> Iterable[Frame]:
         viewpoints: dict[str, list[Path]] = {}
         for path in pictures_in(self.root / self.split):
-            match = _NAME.match(path.stem)
+            match = NAME.match(path.stem)
             if match is None:
                 raise InputError(f"{path}: expected a name like evaluation-0003-2.png (split, viewpoint, moment)")
             viewpoints.setdefault(match["viewpoint"], []).append(path)

@@ -35,7 +35,14 @@ class IopcOptimal(IopcPolicy):
         least_gain_percent: float = 1.0,
         margin: float = 0.2,
     ) -> None:
-        super().__init__(camera, performance, target, tolerance, margin, least_gain_percent)
+        super().__init__(
+            camera,
+            performance,
+            target=target,
+            tolerance=tolerance,
+            margin=margin,
+            least_gain_percent=least_gain_percent,
+        )
 
     def choose(self, frame: Frame) -> Choice:
         """See `IopcPolicy.choose`."""
