@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.camera import draws
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.psf import create as create_psf
-from pipeline.camera.sensor import Sensor
+from pipeline.camera.sensor import Sensor, check_base_gain
 from pipeline.camera.tone_curve import encode, noise_after_curve
 from pipeline.camera.truth import through_optics
 from pipeline.errors import InputError, did_you_mean
@@ -264,7 +264,7 @@ class Camera:
         Args:
             radiance: (H, W) scene radiance, at least 0.
             exposure_s: exposure time, above 0 s.
-            gain: camera gain, ISO / base ISO, above 0.
+            gain: camera gain, ISO / base ISO, at least 1.
             generator: where all noise comes from.
             light: illumination relative to that of the radiance.
             motion: movement of the image and defocus; None for none.
@@ -277,6 +277,7 @@ class Camera:
             InputError: radiance, time, gain, light or motion out of range.
         """
         check_settings(exposure_s, gain)
+        check_base_gain("gain", gain)
         moving = motion or Motion()
         mean_e = self.electrons(radiance, exposure_s, light)
         for psf in kernels(moving, exposure_s):

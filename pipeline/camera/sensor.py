@@ -51,7 +51,7 @@ class Sensor:
         reference_v: sense node reference; cancels in the signal and is kept for completeness.
         over_exposure: the scene is multiplied by this and clipped to [0, 1] first.
         kind: ``cmos`` keeps reset noise; ``ccd`` removes it by double sampling.
-        gain: camera gain (1 = base ISO): full scale is reached at ``full_well_e / gain`` electrons.
+        gain: camera gain, at least 1 (base ISO): full scale is reached at ``full_well_e / gain`` electrons.
         read_noise_e: measured read noise before the gain stage, e-; replaces reset and source-follower noise.
         read_noise_after_gain_e: read noise after the gain stage, in e- at gain 1; only with ``read_noise_e``.
 
@@ -99,6 +99,7 @@ class Sensor:
             if not np.isfinite(value) or value < 0 or (value == 0 and item.name not in zero_is_fine):
                 bound = "at least 0" if item.name in zero_is_fine else "above 0"
                 raise InputError(f"sensor.{item.name} must be a number {bound}, got {value!r}")
+        check_base_gain("sensor.gain", self.gain)
         if self.read_noise_after_gain_e and self.read_noise_e is None:
             raise InputError("sensor.read_noise_after_gain_e needs sensor.read_noise_e (0 is allowed)")
 
@@ -230,6 +231,23 @@ def check_conditions(temperature_k: float, exposure_s: float) -> None:
         raise InputError(f"temperature_k is in kelvin, above 0 and at most 1000, got {temperature_k!r}")
     if not 0.0 <= exposure_s < float("inf"):
         raise InputError(f"exposure_s is a time of at least 0 s, got {exposure_s!r}")
+
+
+def check_base_gain(name: str, gain: float) -> None:
+    """Refuse gains below that of base ISO, with which a full well stays below full scale and clips unseen.
+
+    Args:
+        name: of the setting, for the error.
+        gain: ISO / base ISO.
+
+    Raises:
+        InputError: below 1, or not a number.
+    """
+    if not gain >= 1.0:
+        raise InputError(
+            f"{name} is a factor of at least 1 (ISO / base ISO), got {gain!r}; a full well gives full scale at 1, "
+            "the lowest gain; for darker pictures lower exposure time or light"
+        )
 
 
 # Real sensors beside the paper's; numbers and their sources in each entry.

@@ -11,6 +11,8 @@ from pipeline.experiments.settings import OrderStudySettings
 from pipeline.settings import STRICT, UNIQUE, Count, Fraction, Level, Name, NonNegative, Positive, Settings
 
 Step = Annotated[int, Field(ge=0)]
+Iso = Annotated[float, Field(ge=100)]
+"""From base ISO on: below it a full well stays below full scale."""
 Knots = Annotated[list[tuple[NonNegative, NonNegative]], Field(min_length=1)]
 
 
@@ -19,8 +21,8 @@ class LimitsSettings(Settings):
 
     exposure_min_ms: Positive
     exposure_max_ms: Positive
-    iso_min: Positive
-    iso_max: Positive
+    iso_min: Iso
+    iso_max: Iso
     exposure_steps_per_stop: Annotated[int, Field(ge=0, le=100)]
     gain_step_db: NonNegative
 

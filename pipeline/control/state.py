@@ -10,6 +10,7 @@ import math
 import numbers
 from dataclasses import dataclass, field, replace
 
+from pipeline.camera.sensor import check_base_gain
 from pipeline.errors import InputError
 
 BASE_ISO = 100.0
@@ -89,7 +90,7 @@ class Limits:
 
     Attributes:
         exposure_min_s, exposure_max_s: range of the exposure time.
-        gain_min, gain_max: range of the gain.
+        gain_min, gain_max: range of the gain, at least 1.
         exposure_steps_per_stop: settings per factor of two of the exposure time; 0 is continuous.
         gain_step_db: step of the gain; 0 is continuous.
         delay_frames: frames from a register write to the first image with it, beside the next frame itself.
@@ -108,6 +109,7 @@ class Limits:
             least, most = getattr(self, low), getattr(self, high)
             if not (math.isfinite(most) and 0 < least <= most):
                 raise InputError(f"limits: expected 0 < {low} <= {high}, got {least!r} and {most!r}")
+        check_base_gain("limits: gain_min", self.gain_min)
         if self.exposure_steps_per_stop < 0 or self.gain_step_db < 0 or not 0 <= self.delay_frames <= 10:
             raise InputError("limits: steps are at least 0 and delay_frames lies in 0..10")
 

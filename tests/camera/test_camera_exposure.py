@@ -212,6 +212,15 @@ def test_exposure_refuses_wrong_frames_and_settings():
 
 
 @pytest.mark.parametrize("noise_gain", ["physical", "linear"])
+def test_exposure_at_gains_below_base_iso_is_refused(noise_gain):
+    """A full well of half of full scale was delivered as 186 DN without saturation or noise."""
+    camera = Camera(named("imx255"), noise_gain=noise_gain)
+    assert camera.expose(flat(10.0), 0.008, 1.0, noise_generator(1, "base")).saturated_fraction == 1.0
+    with pytest.raises(InputError, match="gain is a factor of at least 1"):
+        camera.expose(flat(10.0), 0.008, 0.5, noise_generator(1, "base"))
+
+
+@pytest.mark.parametrize("noise_gain", ["physical", "linear"])
 def test_exposure_far_beyond_the_well_is_white_for_any_sensor(noise_gain):
     camera = Camera(Sensor(full_well_e=1e6), noise_gain=noise_gain)
     frame = camera.expose(flat(50.0)[:40, :40], 0.008, 4.0, noise_generator(7, "white"))

@@ -111,6 +111,14 @@ def test_sensor_refuses_impossible_parameters(field, value):
         Sensor(**{field: value})
 
 
+def test_sensor_a_full_well_gives_full_scale_at_every_gain():
+    """Below base ISO it would not: pixels of a full well, cut off, would count as unclipped."""
+    for gain in (1.0, 2.0, 30.0):
+        assert Sensor(gain=gain).dn(Sensor().full_well_e) >= 255
+    with pytest.raises(InputError, match="sensor.gain is a factor of at least 1"):
+        Sensor().at_gain(0.99)
+
+
 def test_sensor_refuses_impossible_conditions_and_names():
     with pytest.raises(InputError, match="kelvin"):
         Sensor().dark_electrons(-1, 0.1)

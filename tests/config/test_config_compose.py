@@ -105,6 +105,7 @@ def test_the_text_is_the_one_dvc_writes(tmp_path):
         ("detection.sweep.angles_deg=[0,0]", ["detection.sweep.angles_deg", "more than once"]),
         ("detection.datasets=[sim,sim]", ["detection.datasets", "'sim' is given more than once"]),
         ("psf.kinds=[defocus,defocus]", ["psf.kinds", "more than once"]),
+        ("control.camera.limits.iso_min=50", ["control.camera.limits.iso_min", "100"]),
         ("control.surface.moments=[0,0]", ["control.surface.moments", "more than once"]),
         ("noise.target_sigmas_dn=[nan]", ["noise.target_sigmas_dn", "finite", "nan"]),
         ("noise.estimators.pca=null", ["noise.estimators.pca", "valid dictionary", "None"]),

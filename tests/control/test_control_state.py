@@ -73,6 +73,8 @@ def test_state_refuses_impossible_limits(change):
         Limits(**change)
     with pytest.raises(InputError, match="exposure_s"):
         CameraState(0.0, 1.0)
+    with pytest.raises(InputError, match="limits: gain_min is a factor of at least 1"):
+        Limits(gain_min=0.5)  # ISO 50: a full well would stay below full scale
 
 
 @pytest.mark.parametrize("cap_ms", [0.05, 1.0, 5.9, 6.3, 20.0, 33.0])
