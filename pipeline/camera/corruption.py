@@ -24,6 +24,9 @@ Camera = Literal["physical", "authors", "authors_2022"]
 Reach = Literal["source", "frame"]
 CAMERAS = ("physical", "authors", "authors_2022")
 
+_MTF50_TOLERANCE = 1e-3
+_LEAST_STEP_PX = 1e-12
+
 
 def noise_scale_to_reach(
     drawn: chain.Drawn,
@@ -224,10 +227,8 @@ def psf_for_mtf50(
         size in px and the kernel; the kernel's MTF50 is within 0.1 % of the target.
 
     Raises:
-        InputError: unknown kind, or no size between 1 and 101 px gives that MTF50.
+        InputError: unknown kind, or no size between 1 and 101 px gives that MTF50, with those that can be reached.
     """
-    from scipy.optimize import bisect
-
     from pipeline.camera import mtf
     from pipeline.camera import psf as psfs
 
@@ -235,15 +236,29 @@ def psf_for_mtf50(
     if kind not in kinds:
         raise InputError(f"blur '{kind}' cannot be found by its MTF50; {did_you_mean(kind, kinds)}")
 
-    def excess(size_px: float) -> float:
-        worse = float(np.min(mtf.mtf50(psfs.create(kind, size_px, angle_deg, **options))))
-        return min(worse, 1.0 + 1e-3) - mtf50  # beyond Nyquist counts as just beyond it
+    def blurred(size_px: float) -> tuple[NDArray[np.floating], float]:
+        kernel = psfs.create(kind, size_px, angle_deg, **options)
+        return kernel, float(np.min(mtf.mtf50(kernel)))
 
     smallest, largest = 1.0, 101.0
-    if not (0.0 < mtf50 < 1.0 and excess(smallest) > 0.0 > excess(largest)):
+    lowest, highest = blurred(largest)[1], min(blurred(smallest)[1], 1.0)
+    if not lowest < mtf50 < highest:
         raise InputError(
             f"no {kind} of {smallest:g} to {largest:g} px has its MTF50 at {mtf50!r} of Nyquist; "
-            "ask for a value further inside (0, Nyquist)"
+            f"expected a number above {lowest:.4g} and below {highest:.4g}"
         )
-    size_px = float(bisect(excess, smallest, largest, xtol=1e-4, rtol=1e-6))
-    return size_px, psfs.create(kind, size_px, angle_deg, **options)
+    size_px, step_px = smallest, largest - smallest
+    while step_px > _LEAST_STEP_PX:
+        step_px /= 2
+        kernel, value = blurred(size_px + step_px)
+        # near Nyquist MTF50 changes ever faster with size: there steps become finer until the target is met
+        if step_px < 1e-4 + 1e-6 * (size_px + step_px) and abs(value / mtf50 - 1) <= _MTF50_TOLERANCE:
+            return size_px + step_px, kernel
+        if value >= mtf50:
+            size_px += step_px
+    nearest = sorted(blurred(size)[1] for size in (size_px, size_px + step_px))
+    reachable = " or ".join(f"{value:.4g}" for value in nearest if value <= 1.0)
+    raise InputError(
+        f"no {kind} has its MTF50 within 0.1 % of {mtf50!r} of Nyquist: it jumps at {size_px:.4g} px; "
+        f"ask for {reachable}"
+    )

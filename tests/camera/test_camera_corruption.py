@@ -132,6 +132,28 @@ def test_levels_mtf50_is_reached(kind, target):
     assert np.min(mtf.mtf50(kernel)) == pytest.approx(target, rel=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("kind", "angle_deg", "target"),
+    [("defocus", 0, 0.99), ("gaussian", 0, 0.999), ("linear_motion", 0, 0.97), ("linear_motion", 45, 0.995)],
+)
+def test_levels_mtf50_is_reached_near_nyquist(kind, angle_deg, target):
+    """There MTF50 changes by percents where size does by 1e-4 px."""
+    size_px, kernel = corruption.psf_for_mtf50(kind, target, angle_deg=angle_deg)
+    assert np.min(mtf.mtf50(kernel)) == pytest.approx(target, rel=1e-3)
+    np.testing.assert_array_equal(kernel, psf.create(kind, size_px, angle_deg))
+
+
+def test_levels_mtf50_that_no_size_has_is_refused_with_those_that_can_be():
+    """The effective disc has odd nominal diameters only: MTF50 jumps between them."""
+    with pytest.raises(InputError, match="within 0.1 %.*ask for") as error:
+        corruption.psf_for_mtf50("defocus", 0.25, diameter="effective")
+    values = [float(word) for word in str(error.value).split("ask for ")[1].split(" or ")]
+    halves = [np.min(mtf.mtf50(psf.create("defocus", size, diameter="effective"))) for size in (3, 5)]
+    assert values[0] < 0.25 < values[1] and values == pytest.approx(sorted(halves), rel=1e-3)
+    with pytest.raises(InputError, match="ask for 0.5"):
+        corruption.psf_for_mtf50("defocus", 0.9, diameter="effective")
+
+
 def test_levels_mtf50_of_a_disc_follows_theory():
     # 2 J1(x) / x = 1/2 at x = 2.2151, x = pi d f
     size_px, _ = corruption.psf_for_mtf50("defocus", 2 * 0.05)
@@ -173,7 +195,7 @@ def test_levels_bad_input_is_refused_with_a_reason():
         corruption.corrupt(np.zeros((8, 8), np.uint8), "photon", **good)
     with pytest.raises(InputError, match="nonlinear_motion"):
         corruption.psf_for_mtf50("nonlinear_motion", 0.2)
-    with pytest.raises(InputError, match="further inside"):
+    with pytest.raises(InputError, match="above 0.01.* and below 1"):
         corruption.psf_for_mtf50("defocus", 1.2)
     with pytest.raises(InputError, match="tile at"):
         local_sigma(corruption.corrupt(GREY, "dcsn", **good), [(300, 0, 128)])
