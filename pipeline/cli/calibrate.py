@@ -53,8 +53,9 @@ def command(
 
     PATHS are pictures of ordinary scenes that are known to be sharp (some tens of different scenes are enough); or,
     with --chart, a chart taken by this camera, upright and in focus: a slanted edge, near-vertical and near-horizontal
-    (two pictures or two --area, of any size), or a sinusoidal or black and white Siemens star whose rays reach 0.05 of
-    Nyquist, which takes 12 pixels of diameter a ray (36 rays: 424 px); its contrast there counts as full.
+    (tilted by about 5 degrees; two pictures or two --area, of any size), or a sinusoidal or black and white Siemens
+    star whose rays reach 0.05 of Nyquist, which takes 12 pixels of diameter a ray (36 rays: 424 px); its contrast there
+    counts as full.
 
     Warns of pictures that do not look sharp, and of those without a patch that can be measured, which it leaves out;
     refuses pictures without contrast at most frequencies, charts clipped at black or white, and a star whose number of

@@ -25,7 +25,8 @@ def edge_mtf(
     """(2, 8) MTF from slanted edges, the mean of those of each axis.
 
     That of a camera that sharpens may exceed 1, where it is stored as 1: estimators report 1 at most, so that division
-    by more would find blur in the camera's own sharp frames.
+    by more would find blur in the camera's own sharp frames. Warns of edges tilted so far that it is right for round
+    blur only.
 
     Args:
         frames: names and pictures (H, W) in [0, 1].
@@ -34,10 +35,11 @@ def edge_mtf(
     Raises:
         InputError: an area outside of a picture, no slanted edge, one clipped at black or white, or none of one axis.
     """
+    import click
     import numpy as np
 
     from pipeline.camera.mtf import DIRECTIONS
-    from pipeline.camera.slanted_edge import measure
+    from pipeline.camera.slanted_edge import ROUND_BLUR_TILT_DEG, measure
     from pipeline.errors import InputError
 
     curves: dict[str, list[NDArray[np.float64]]] = {direction: [] for direction in DIRECTIONS}
@@ -50,6 +52,12 @@ def edge_mtf(
             except InputError as error:
                 raise InputError(f"{name}: {error}") from None
             curves[edge.direction].append(edge.mtf)
+            if edge.tilt_deg > ROUND_BLUR_TILT_DEG:
+                click.echo(
+                    f"warning: {name}: edge: tilted by {edge.tilt_deg:.0f} degrees; beyond {ROUND_BLUR_TILT_DEG:g} its "
+                    f"{edge.direction} MTF is right for round blur only, not behind motion; tilt it by about 5 degrees",
+                    err=True,
+                )
     for direction, tilt in zip(DIRECTIONS, ("vertical", "horizontal"), strict=True):
         if not curves[direction]:
             raise InputError(f"no nearly {tilt} edge, which gives the {direction} MTF; add one by a picture or --area")

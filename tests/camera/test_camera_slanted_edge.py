@@ -7,7 +7,7 @@ from scipy.special import ndtr
 
 from pipeline.camera import psf
 from pipeline.camera.blur import blur
-from pipeline.camera.mtf import FREQUENCIES
+from pipeline.camera.mtf import FREQUENCIES, sample
 from pipeline.camera.slanted_edge import measure
 from pipeline.errors import InputError
 from pipeline.streams import stream
@@ -36,14 +36,19 @@ def truth(sigma_px):
     return np.exp(-2 * (np.pi * sigma_px * cycles) ** 2) * np.sinc(cycles)
 
 
-def defocused(diameter_px, tilt_deg, noise_dn=0.0, side_px=120, border_px=20):
-    """An edge behind a disc, cut from a larger picture, and the MTF across it."""
+def behind(kernel, tilt_deg, side_px=120, border_px=20):
+    """An edge behind a kernel, cut from a larger picture."""
     side = side_px + 2 * border_px
     x, y = ((np.arange(side * SUPERSAMPLE) + 0.5) / SUPERSAMPLE - 0.5 - side / 2 for _ in range(2))
     sharp = x[None] + 0.13 > np.tan(np.deg2rad(tilt_deg)) * y[:, None]
     sharp = sharp.reshape(side, SUPERSAMPLE, side, SUPERSAMPLE).mean(axis=(1, 3), dtype=np.float32) * 0.6 + 0.2
+    return blur(sharp.astype(np.float32), kernel)[border_px:-border_px, border_px:-border_px].astype(np.float64)
+
+
+def defocused(diameter_px, tilt_deg, noise_dn=0.0):
+    """An edge behind a disc, and the MTF across it."""
     kernel = psf.create("defocus", diameter_px)
-    image = blur(sharp.astype(np.float32), kernel)[border_px:-border_px, border_px:-border_px].astype(np.float64)
+    image = behind(kernel, tilt_deg)
     image += stream(0, "defocused edge", diameter_px, tilt_deg, noise_dn).normal(0, noise_dn / 255, image.shape)
     across = FREQUENCIES[:, None, None] / 2 * np.cos(np.deg2rad(tilt_deg))
     along = FREQUENCIES[:, None, None] / 2 * np.sin(np.deg2rad(tilt_deg))
@@ -61,6 +66,17 @@ def test_wide_discs_keep_their_width(diameter_px, tilt_deg):
     result = measure(image)
     assert result.tilt_deg == pytest.approx(tilt_deg, abs=0.02)
     np.testing.assert_allclose(result.mtf, expected, atol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("direction_deg", "errors"), [(0.0, (0.004, 0.015, 0.034, 0.088)), (90.0, (0.042, 0.170, 0.349, 0.742))]
+)
+def test_the_mtf_of_an_axis_behind_motion_needs_a_small_tilt(direction_deg, errors):
+    """What the module and docs/limits.md state of motion of 7 px, across the edge and along it."""
+    kernel = psf.create("linear_motion", 7, direction_deg)
+    expected = sample(kernel)[0] * np.sinc(FREQUENCIES / 2)
+    for tilt_deg, error in zip((5.0, 10.0, 15.0, 25.0), errors, strict=True):
+        assert np.abs(measure(behind(kernel, tilt_deg)).mtf - expected).max() == pytest.approx(error, abs=2e-3)
 
 
 @pytest.mark.parametrize("tilt_deg", [2.0, 8.0, 20.0, 25.0])

@@ -48,9 +48,9 @@ def gaussian_mtf(sigma_px=SIGMA_PX):
     return sample(kernel @ kernel.T)
 
 
-def edge(upright, size_px=120):
+def edge(upright, size_px=120, slope=0.08):
     fine = np.arange(size_px * 6) / 6
-    slanted = ((fine[None] - 0.08 * fine[:, None]) > size_px * 0.45).astype(np.float64)
+    slanted = ((fine[None] - slope * fine[:, None]) > size_px * 0.45).astype(np.float64)
     wide = cv2.GaussianBlur(slanted, (0, 0), 6 * SIGMA_PX)
     image = wide.reshape(size_px, 6, size_px, 6).mean(axis=(1, 3)) * 0.6 + 0.2
     return image if upright else image.T
@@ -78,6 +78,14 @@ def test_two_edges_give_both_axes_and_the_stored_camera_is_used(tmp_path, home):
     assert "(relative to the calibration of the camera front)" in content["verdict"]["sentence"]
     np.testing.assert_allclose(rows[1], np.clip(rows[0] / np.array(stored.sharp_mtf), 0, 1), atol=1e-3)
     assert stored.size_px is None and "448x320" not in done.stderr  # a crop of a chart says nothing of the frames
+
+
+def test_edges_of_a_large_tilt_are_pointed_out(tmp_path):
+    files = [save(tmp_path / f"{upright}.png", edge(upright, slope=0.25 if upright else 0.1)) for upright in (1, 0)]
+    done = call("calibrate", "front", *files, "--chart", "edge")
+    assert done.exit_code == 0, done.output
+    (warning,) = done.stderr.splitlines()
+    assert "1.png: edge: tilted by 14 degrees" in warning and "horizontal MTF is right for round blur only" in warning
 
 
 def test_an_output_that_takes_nothing_loses_no_calibration(tmp_path, monkeypatch):
