@@ -73,6 +73,13 @@ def test_the_fixed_pattern_is_what_two_exposures_share_from_pixel_to_pixel(fract
     assert emva1288.photon_transfer(points).pattern_fraction == pytest.approx(fraction, abs=0.003)
 
 
+def test_the_finest_filter_passes_white_patterns_whole():
+    """The squares of its weights add up to 1, those of its answer to a single pixel."""
+    pixel = np.zeros((1, 16, 16))
+    pixel[0, 8, 8] = 1.0
+    assert np.square(emva1288._fine(pixel)).sum() == pytest.approx(1, abs=1e-12)
+
+
 def test_a_fixed_pattern_that_was_not_measured_is_not_taken_for_none():
     without = emva1288.TransferPoints(np.linspace(10, 200, 100), np.linspace(2, 20, 100))
     transfer = emva1288.photon_transfer([without])

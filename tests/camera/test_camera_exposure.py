@@ -53,6 +53,44 @@ def test_exposure_mean_and_variance_of_frames_equal_the_closed_form(gain, noise_
     assert dn.var() == pytest.approx(variance, rel=5 * np.sqrt(2 / dn.size) + 0.005)
 
 
+@pytest.mark.parametrize("gain", [4.0, 16.0])
+def test_exposure_read_noise_behind_the_gain_stage_is_divided_by_the_gain(gain):
+    """Of 2.5 e- at base gain 1.8 e- are left at 16: in the dark a fifth of the variance."""
+    sensor = named("automotive_3um")
+    camera, exposure_s = linear(sensor), 0.008 / gain
+    frame = camera.expose(flat(0.02), exposure_s, gain, noise_generator(2, "behind", gain))
+    mean_e = 0.02 * 12_000 / gain
+    read_e2 = 1.8**2 + (1.735 / gain) ** 2
+    variance_e2 = mean_e + sensor.dark_electrons(camera.temperature_k, exposure_s) + read_e2
+    variance = (255 * gain / 12_000) ** 2 * variance_e2
+    assert float(camera.budget(mean_e, gain, exposure_s).total) == pytest.approx(np.sqrt(variance), rel=1e-4)
+    assert (255.0 * frame.image).var(dtype=float) == pytest.approx(variance + 1 / 12, rel=5 * np.sqrt(2 / SIDE**2))
+
+
+def test_exposure_rounding_of_the_converter_is_that_of_a_ramp():
+    levels = np.linspace(0.0, 255.0, 255_001)
+    rounded = np.rint(levels) - levels
+    assert float(Camera(adc_bits=8).budget(0.0, 1.0, 0.001).rounding) == pytest.approx(rounded.std(), rel=1e-3)
+
+
+def test_exposure_mean_does_not_depend_on_the_dark_signal():
+    """It is subtracted whole: 2 % of it would be 0.5 DN here."""
+    camera = linear(Sensor(read_noise_e=0.0), temperature_k=330.0)
+    assert camera.sensor.dark_electrons(330.0, 0.2) > 2_000
+    frame = camera.expose(flat(0.4) * np.float32(0.04), 0.2, 1.0, noise_generator(6, "dark mean"))
+    assert 255 * frame.image.mean(dtype=float) == pytest.approx(0.4 * 255, abs=0.02)
+
+
+def test_exposure_motion_runs_counter_clockwise_from_horizontal():
+    (kernel,) = kernels(Motion(1_000.0, 30.0), 0.015)
+    rows, columns = np.indices(kernel.shape)
+    right, up = (columns - columns.mean()).ravel(), (rows.mean() - rows).ravel()
+    weights = kernel.ravel().astype(float)
+    across, along = np.linalg.eigh(np.cov(np.stack([right, up]), aweights=weights, ddof=0))[1].T
+    assert np.degrees(np.arctan2(along[1], along[0])) % 180 == pytest.approx(30.0, abs=1.0)
+    assert across @ along == pytest.approx(0.0, abs=1e-12)
+
+
 def test_exposure_variance_grows_with_the_mean_by_the_system_gain():
     camera = linear(PROSILICA)
     levels = np.array([0.1, 0.3, 0.5, 0.7, 0.85])
@@ -118,6 +156,11 @@ def test_exposure_saturates_at_the_well_and_at_the_converter():
     camera = Camera(PROSILICA)
     bright = camera.expose(flat(3.0), 0.008, 1.0, noise_generator(5, "bright"))
     assert bright.saturated_fraction > 0.99 and bright.sigma_dn == 0.0
+    scene = flat(0.2)
+    lamps = scene.copy()
+    lamps[:, : SIDE * 3 // 5] *= 10  # three fifths of the pixels are white: the others have the noise
+    both = [camera.expose(each, 0.008, 1.0, noise_generator(5, "lamps")).sigma_dn for each in (scene, lamps)]
+    assert both[1] == pytest.approx(both[0], rel=1e-6)
     gained = camera.expose(flat(0.5), 0.008, 4.0, noise_generator(5, "bright"))
     assert gained.saturated_fraction > 0.99
     black = camera.expose(flat(0.0), 0.008, 1.0, noise_generator(5, "bright"))

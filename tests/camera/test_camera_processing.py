@@ -76,6 +76,18 @@ def test_the_tone_curve_is_monotonic_and_inverts():
     assert tone_curve.linearise(tone_curve.render(x, 2.2), 2.2) == pytest.approx(x, abs=1e-4)
 
 
+@pytest.mark.parametrize("strength", [0.35, 1.0])
+def test_the_s_curve_is_steeper_by_its_strength_in_the_middle_and_flatter_at_the_ends(strength):
+    x = np.linspace(0, 1, 1001, dtype=np.float32)
+    y = tone_curve.render(x, 1.0, strength).astype(float)
+    steepness = np.gradient(y, 0.001)
+    assert steepness[[1, 250, 500, 750, -2]] == pytest.approx(
+        [1 - strength, 1, 1 + strength, 1, 1 - strength], abs=0.01
+    )
+    assert y[[0, 500, 1000]] == pytest.approx([0, 0.5, 1], abs=1e-6)
+    assert y[250] == pytest.approx(0.25 - strength / 6.2832, abs=1e-4)
+
+
 @pytest.mark.parametrize("method", [name for name in METHODS if name != "none"])
 def test_denoising_lowers_noise_and_keeps_the_mean(method):
     noisy = np.float32(0.5) + np.float32(0.03) * stream(1, "d").standard_normal((96, 96), dtype=np.float32)
@@ -139,6 +151,24 @@ def test_shrinkage_acts_on_coarse_scales_as_set():
         settings = Denoising("shrinkage", strength=3.0, coarse=coarse)
         smooth = denoise_luma(luma, settings, 0.01)[32, 64:192]
         assert np.ptp(smooth) / np.ptp(wave) == pytest.approx(kept, abs=0.03)
+
+
+def test_shrinkage_takes_most_from_the_finest_band():
+    """A strong wave of 8 px lies in all three bands: its peaks lose what the thresholds of all of them take."""
+    wave = np.float32(0.5 + 0.2 * np.cos(2 * np.pi / 8 * np.arange(256)))
+    luma = np.broadcast_to(wave, (64, 256)).copy()
+    for coarse in (0.0, 1.0, 2.0):
+        smooth = denoise_luma(luma, Denoising("shrinkage", strength=2.0, coarse=coarse), 0.01)
+        lost = 0.6 * 2.0 * 0.01 * (0.7 + 0.45 * coarse + 0.25 * 0.5 * coarse**2)
+        assert luma[32, 128] - smooth[32, 128] == pytest.approx(lost, abs=1e-5)
+
+
+def test_non_local_means_are_those_of_opencv_at_the_stated_strength():
+    import cv2
+
+    grey = np.rint(128 + 8 * stream(1, "nlm").standard_normal((64, 64))).clip(0, 255).astype(np.uint8)
+    smooth = denoise_luma(grey.astype(np.float32) / 255, Denoising("nlm", strength=2.0), 8 / 255)
+    np.testing.assert_array_equal(np.rint(255 * smooth), cv2.fastNlMeansDenoising(grey, None, 0.6 * 2 * 8, 3, 9))
 
 
 def test_h264_gives_the_same_bytes_whatever_memory_held_before():
@@ -266,6 +296,17 @@ def test_encoded_sigma_knows_that_colour_correction_amplifies_noise():
     )
     assert second[0] > 1.15 * first[0]
     assert second[1] / first[1] == pytest.approx(second[0] / first[0], rel=0.1)
+
+
+def test_encoded_sigma_knows_that_white_balance_amplifies_noise_of_less_light():
+    """At four times the gain a colour had a quarter of the light: its shot noise is doubled, not quadrupled."""
+    plain = CameraPipeline(noise=RawNoise(2e-4, 0.0), demosaicing="bilinear")
+    ratios = []
+    for camera in (plain, replace(plain, balance=(4.0, 4.0))):
+        picture = shots(camera)
+        measured = temporal_noise.measure(picture).sigma_dn
+        ratios.append(255 * camera.encoded_sigma(float(picture.mean()) / 255) / measured)
+    assert ratios[1] / ratios[0] == pytest.approx(1, abs=0.1)
 
 
 def test_encoded_sigma_of_black_is_finite_and_near_the_noise():

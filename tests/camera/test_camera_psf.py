@@ -9,7 +9,19 @@ from hypothesis import strategies as st
 
 from pipeline import streams
 from pipeline.camera import mtf
-from pipeline.camera.psf import bank, centroid_px, create, defocus, gaussian, kernel, kinds, linear_motion, raster
+from pipeline.camera.psf import (
+    bank,
+    centroid_px,
+    create,
+    defocus,
+    gaussian,
+    kernel,
+    kinds,
+    linear_motion,
+    nonlinear_motion,
+    raster,
+    wave_optics,
+)
 from pipeline.errors import InputError
 
 SIZES = st.floats(0.0, 25.0)
@@ -177,6 +189,27 @@ def test_gaussian_has_its_width() -> None:
     expected = mtf.gaussian(sigma_px, frequencies) * np.sinc(frequencies / 2)
     assert np.abs(mtf.curve(psf, frequencies) - expected).max() < 2e-3
     assert np.allclose(mtf.curve(gaussian.gaussian(0.0), frequencies), 1)
+
+
+def test_bent_motion_is_smooth_over_its_correlation_length() -> None:
+    """The logarithm of light per length has an autocorrelation of exp(-lag^2 / (4 w^2)), a variance of b^2."""
+    width, dwell, steps = 0.05, 0.4, 1024
+    shape = {"intensity": 1.0, "bend": 0.4, "smoothness": width, "dwell": dwell}
+    logs = np.stack([np.log(nonlinear_motion.walk(streams.stream(n, "walk"), **shape)[1]) for n in range(400)]) / dwell
+    assert logs.var() == pytest.approx(1, abs=0.1)
+    for lag in (width, 2 * width, 3 * width):
+        shift = round(lag * steps)
+        correlation = (logs[:, shift:] * logs[:, :-shift]).mean()
+        assert correlation == pytest.approx(np.exp(-(lag**2) / (4 * width**2)), abs=0.1)
+
+
+@pytest.mark.parametrize("name", ["astigmatism", "coma", "spherical"])
+def test_aberrations_of_one_wave_have_one_wave_rms_over_the_pupil(name: str) -> None:
+    step = np.linspace(-1, 1, 801)
+    x, y = step[None, :], step[:, None]
+    error_um = wave_optics.wavefront_um(wave_optics.Lens(4.0, **{name: 1.0}), 0.0, x, y)[x**2 + y**2 <= 1]
+    assert error_um.std() == pytest.approx(0.55, rel=5e-3)
+    assert error_um.mean() == pytest.approx(0.0, abs=5e-3)
 
 
 def test_splat_keeps_light_and_centroid() -> None:

@@ -67,6 +67,16 @@ def test_sensor_source_follower_sum_equals_the_integral():
     assert s.source_follower_sigma_e() == pytest.approx(sigma, rel=3e-3)
 
 
+def test_sensor_telegraph_noise_has_the_variance_of_two_levels():
+    """A current that is I for half of the time has a variance of I^2 / 4; samples far apart differ by twice that."""
+    sensor = Sensor(
+        thermal_noise_v_per_sqrt_hz=0.0, current_modulation_a=3e-8, telegraph_time_s=5e-8, clock_hz=4e9,
+        cds_time_factor=1e-6,
+    )  # fmt: skip
+    volts = 3e-8 * np.sqrt(2 / 4)
+    assert sensor.source_follower_sigma_e() == pytest.approx(volts / sensor.sense_node_gain_v_per_e, rel=5e-3)
+
+
 def test_sensor_readout_noise_adds_in_squares():
     sensor = Sensor()
     reset, follower = sensor.reset_sigma_e(330), sensor.source_follower_sigma_e()

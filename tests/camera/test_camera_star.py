@@ -10,7 +10,7 @@ from pipeline import streams
 from pipeline.camera import mtf, star
 from pipeline.camera.blur import blur
 from pipeline.camera.psf import create
-from pipeline.camera.star_centre import point_of_symmetry
+from pipeline.camera.star_centre import _vertex, point_of_symmetry
 from pipeline.errors import InputError
 
 HEIGHT, WIDTH, CENTRE, PERIODS, AMPLITUDE = 768, 896, (447.5, 383.5), 60, 0.35
@@ -162,3 +162,8 @@ def test_the_centre_is_located_in_complete_pictures_only() -> None:
         point_of_symmetry(picture)
     with pytest.raises(InputError, match="without structure"):
         point_of_symmetry(np.full((50, 50), 0.5))
+
+
+@pytest.mark.parametrize("vertex", [-0.4, -0.1, 0.0, 0.3])
+def test_the_vertex_of_a_parabola_is_exact(vertex: float) -> None:
+    assert _vertex(5.0 - 2.0 * (np.arange(-1.0, 2.0) - vertex) ** 2) == pytest.approx(vertex, abs=1e-12)

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.scenes.field import field
+from pipeline.scenes.textures import library
 
 
 def grid(size: float, count: int = 200) -> np.ndarray:
@@ -27,6 +28,15 @@ def test_periodic_and_a_function_of_the_point_alone(u, v, size):
     value = field(points, none, size)
     assert abs(value[0] - value[1]) < 0.2  # bilinear weights are kept to 1/32, positions to float32
     assert field(points[:1], none[:1], size)[0] == value[0]
+
+
+def test_texels_lie_at_their_centres():
+    texels = library()["fbm"].levels[3][..., 0]
+    side = len(texels)
+    centres = (np.arange(0, side, 37) + 0.5) / side * 9.0
+    points = np.stack(np.meshgrid(centres, centres), axis=-1).reshape(-1, 2).astype(np.float32)
+    expected = ((texels - texels.mean()) / texels.std())[::37, ::37].ravel()
+    np.testing.assert_allclose(field(points, np.zeros(len(points), np.float32), 9.0), expected, atol=1e-4)
 
 
 def test_continuous_across_the_seam():

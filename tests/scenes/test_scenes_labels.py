@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.scenes.labels import boxes
+from pipeline.scenes.labels import _area_alone, boxes
 from pipeline.scenes.light import Light
+from pipeline.scenes.mesh import soup
 from pipeline.scenes.objects.base import SceneObject
 from pipeline.scenes.pose import Pose
 from pipeline.scenes.render import render
@@ -50,6 +51,17 @@ def test_cut_off_by_the_frame_counts_as_hidden():
     assert cut.x1 == 0.0 and cut.amodal[0] == pytest.approx(-10, abs=0.05)
     assert cut.x2 == pytest.approx(10, abs=0.34)
     assert cut.visible_fraction == pytest.approx(0.5, abs=0.03)
+
+
+@pytest.mark.parametrize("corner", [(-1, -0.5), (-1, 0.5), (1, -0.5), (1, 0.5)])
+def test_the_area_of_a_triangle_is_half_of_its_box(corner):
+    """Rays half a cell aside would hit 1.5 % more of it, or fewer."""
+    y, z = corner
+    half = SceneObject(soup([[0, y, z], [0, -y, z], [0, y, -z]], [[0, 1, 2]], "black"))
+    area = _area_alone(
+        Placed(half, "half", 0.0, (10.0, 0.0, 0.0)), POSE, np.array([50.0, 45.0]), np.array([70.0, 55.0])
+    )
+    assert area == pytest.approx(100, rel=4e-3)
 
 
 def test_unlabelled_unseen_and_behind_are_left_out():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.scenes.light import Light, ambient_directions
+from pipeline.scenes.light import SUN_RADIUS_RAD, UNIT_CD_M2, Light, ambient_directions
 from pipeline.scenes.mesh import soup
 from pipeline.scenes.objects.base import SceneObject
 from pipeline.scenes.objects.materials import MATERIALS
@@ -122,6 +122,9 @@ def test_sun_directions_lie_on_its_disc():
     angle = np.arccos(np.clip(towards.astype(np.float64) @ CLEAR.towards_sun, -1, 1))
     assert angle.max() < 0.0048 and angle.max() > 0.003
     assert np.allclose(CLEAR.sun_directions(1), CLEAR.towards_sun, atol=1e-6)
+    # evenly by area: half of them within 0.71 of the radius
+    radius = np.linalg.norm(np.cross(CLEAR.sun_directions(400).astype(np.float64), CLEAR.towards_sun), axis=1)
+    assert np.mean(radius < SUN_RADIUS_RAD / np.sqrt(2)) == pytest.approx(0.5, abs=0.01)
 
 
 def test_a_painter_replaces_albedo_and_sees_object_coordinates():
@@ -142,6 +145,53 @@ def test_a_painter_replaces_albedo_and_sees_object_coordinates():
     assert np.allclose(seen["local"], [[1.0, 0.0, 0.0]], atol=1e-5)
     assert np.allclose(seen["normal"], [[0, 0, 1]], atol=1e-6)
     assert np.allclose(seen["view"], [[0, 0, -1]], atol=1e-6)
+
+
+def test_a_painter_sees_view_and_size_of_a_sample_in_object_coordinates():
+    """Of an object twice as large a sample covers half as much, in its own metres."""
+    seen = {}
+
+    def paint(surface):
+        seen.update(view=surface.view.copy(), foot=surface.footprint_m.copy())
+        return np.full(len(surface.local), 0.5, np.float32), np.zeros(len(surface.local), np.float32)
+
+    thing = SceneObject(slab(2.0, 0.0, "brick").mesh, paint={"brick": paint})
+    world = World([Placed(thing, "box", 0.7, (0.0, 0.0, 0.0), 2.0)])
+    origin, slant = np.array([0.0, 0.0, 5.0], np.float32), 0.3
+    ray = np.array([[np.sin(slant), 0.0, -np.cos(slant)]], np.float32)
+    shade(world, Light(emissive=True), Directions.of(CLEAR, 1, 1), origin, ray, np.zeros(1, int), 1e-3)
+    # the world's x axis lies 0.7 rad to the right of the object's own
+    expected = [np.sin(slant) * np.cos(0.7), -np.sin(slant) * np.sin(0.7), -np.cos(slant)]
+    np.testing.assert_allclose(seen["view"], [expected], atol=1e-6)
+    distance = 5.0 / np.cos(slant)
+    assert seen["foot"][0] == pytest.approx(0.8e-3 * distance / np.sqrt(np.cos(slant)) / 2.0, rel=1e-4)
+
+
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+def test_tangents_are_the_directions_in_which_texture_coordinates_grow(mirror):
+    corners = np.array([[0.0, 0.0, 1.0], [2.0, 1.0, 1.0], [-1.0, 3.0, 1.0]])
+    uv = np.stack([mirror * corners[:, 1], corners[:, 0]], axis=1)
+    world = World([Placed(SceneObject(soup(corners, [[0, 1, 2]], "brick", uv=uv)), "x")])
+    np.testing.assert_allclose(world.tangents, [[0, mirror, 0, 1, 0, 0]], atol=1e-6)
+
+
+def test_the_samples_of_a_pixel_see_different_parts_of_the_sun():
+    """Below the edge of a roof 50 m high, where half of the sun's disc is hidden."""
+    light = dataclasses.replace(CLEAR, azimuth_rad=0.0, ambient=0.0)
+    world = World([Placed(slab(200, 0), "ground"), Placed(slab(100.0, 50.0), "roof")])
+    samples = np.arange(100)
+    at = np.array([100.0 - 50.0 / np.tan(light.elevation_rad), 0.0, 1.0], np.float32)
+    down = np.tile(np.array([[0.0, 0.0, -1.0]], np.float32), (len(samples), 1))
+    radiance, _ = shade(world, light, Directions.of(light, len(samples), 1), at, down, samples, 1e-4)
+    full = 0.3 * light.sun * np.sin(light.elevation_rad)
+    assert radiance.mean() == pytest.approx(full / 2, rel=0.1)
+
+
+def test_a_white_surface_facing_the_sun_sends_out_all_of_its_90_klx():
+    """Luminance of a white diffuse surface, integrated over the hemisphere with the cosine, is its illuminance."""
+    z = (np.arange(1_000) + 0.5) / 1_000  # even in solid angle
+    exitance_lx = Light().sun * UNIT_CD_M2 * 2 * np.pi * z.mean()
+    assert exitance_lx == pytest.approx(90_000, rel=1e-6)
 
 
 def test_copies_of_one_mesh_share_their_attributes():
