@@ -20,6 +20,7 @@ from pipeline.camera.mtf import FREQUENCIES, sample
 from pipeline.camera.slanted_edge import measure
 from pipeline.camera.star_centre import point_of_symmetry
 from pipeline.cli import camera_store, main
+from pipeline.cli.calibrate import _refuse_without_contrast
 from pipeline.cli.charts import star_mtf
 from pipeline.condition.estimate import readable_patches
 from pipeline.errors import InputError
@@ -305,6 +306,27 @@ def test_pictures_without_contrast_are_refused(tmp_path, home):
     done = call("calibrate", "front", *soft, "--chart", "edge")
     assert done.exit_code == 2 and "focus the camera" in done.output
     assert not list(home.glob("cameras/*"))
+
+
+def test_pictures_that_are_blurred_further_to_correct_the_estimator_need_more_contrast(tmp_path, home, monkeypatch):
+    """Six of 16 values of the MTF are empty: enough to divide by the others."""
+    monkeypatch.setattr(camera_calibration, "calibrate", lambda *given: pytest.fail("takes minutes"))
+    scene = save(tmp_path / "scene.png", cv2.GaussianBlur(picture("health").astype(float) / 255, (0, 0), 2.0))
+    done = call("calibrate", "front", scene, "--calibrate-estimator")
+    assert done.exit_code == 2 and "at 6 of 16 values" in done.output
+    assert "or leave --calibrate-estimator out" in done.output and not list(home.glob("cameras/*"))
+    assert call("calibrate", "front", scene).exit_code == 0
+
+
+def test_the_lowest_frequency_needs_contrast_on_both_axes():
+    for axis in (0, 1):
+        mtf = np.full((2, 8), 0.5)
+        mtf[axis, 1:] = 0.0
+        _refuse_without_contrast(mtf, "a chart", "focus", 0.5)
+        mtf[:] = 0.5
+        mtf[axis, 0] = 0.0
+        with pytest.raises(InputError, match="a chart: no contrast is left .* at 1 of 16 values"):
+            _refuse_without_contrast(mtf, "a chart", "focus", 0.5)
 
 
 def test_frequencies_without_contrast_take_the_relative_mtf_of_the_next_lower():

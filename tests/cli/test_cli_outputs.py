@@ -96,6 +96,15 @@ def test_the_list_of_an_earlier_version_is_still_read(tmp_path):
         assert sorted(file.name for file in tmp_path.iterdir()) == [LIST_NAME, "foreign.png"]
 
 
+def test_a_list_that_names_a_file_outside_the_folder_has_it_left_alone(tmp_path):
+    victim, out = tmp_path / "victim.txt", tmp_path / "out"
+    out.mkdir()
+    victim.touch()
+    (out / LIST_NAME).write_text('["corrupt", "../victim.txt"]\n')
+    with OutputFolder(out, "corrupt"):
+        assert victim.is_file()
+
+
 def test_a_folder_keeps_the_results_of_other_commands(tmp_path):
     a, out = save(tmp_path / "a.png"), tmp_path / "out"
     runs = [
