@@ -7,15 +7,18 @@ import numpy as np
 import pytest
 from data_makers import picture
 from scipy.ndimage import gaussian_filter1d
+from test_condition_coarse_grain import enlarged, scene
 
 from pipeline.camera import mtf
 from pipeline.camera.corruption import corrupt
 from pipeline.camera.processing.codec import Codec, store
 from pipeline.camera.psf import create
 from pipeline.condition import ConditionMonitor, estimate, noise_of_frame
+from pipeline.condition.coarse_grain import most_coarse_noise_dn
+from pipeline.condition.estimate import readable_patches
 from pipeline.datasets.pictures import read_grey8
 from pipeline.errors import InputError
-from pipeline.noise.base import UNCERTAIN, NoiseEstimate
+from pipeline.noise.base import FLAT, UNCERTAIN, NoiseEstimate
 from pipeline.streams import stream
 
 
@@ -280,3 +283,33 @@ def test_a_frame_whose_noise_is_unknown_has_no_map_of_it():
     state = noise_of_frame(FewAnswer(), frame(width_px=384, height_px=256))
     assert len(state.patches) == 6 and np.isnan(state.summary.value)
     assert state.map_dn.shape == (32, 48) and np.isnan(state.map_dn).all()
+
+
+class ThreeDn:
+    """Noise of 3 DN, 2 to 4, in every square that is not uniform."""
+
+    min_size_px = 32
+
+    def estimate(self, patches):
+        flat = patches.std(axis=(1, 2, 3)) == 0
+        sigma_dn = np.where(flat, np.nan, 3.0)
+        return NoiseEstimate(sigma_dn, sigma_dn - 1, sigma_dn + 1, flat, np.where(flat, FLAT, "").astype(object))
+
+
+def test_the_interval_of_an_answer_reaches_as_far_as_coarse_noise_may_flat_squares_aside():
+    coarse, part = enlarged(scene(10.0, 128), 4), (slice(128, 256), slice(128, 384))
+    state = noise_of_frame(ThreeDn(), coarse)
+    assert state.summary.value == 3 and state.at_most_dn == state.summary.high > 8
+    coarse[part] = 0.5  # 2 of 16 squares
+    others = np.stack([coarse[square.y_px :, square.x_px :][:128, :128] for square in state.patches])[:, None]
+    flat = noise_of_frame(ThreeDn(), coarse)
+    assert flat.summary.value == 3 and list(flat.estimate.reason).count(FLAT) == 2
+    assert flat.summary.high == most_coarse_noise_dn(others[others.std(axis=(1, 2, 3)) > 0]) > 8
+
+
+def test_patches_of_a_calibration_lie_inside_the_bars_beside_a_picture():
+    sharp = frame()
+    barred = np.full((560, 576), 16 / 255, np.float32)
+    barred[80:-80] = sharp
+    (inside,), (alone,) = readable_patches([barred]), readable_patches([sharp])
+    assert len(alone) and np.array_equal(inside, alone)

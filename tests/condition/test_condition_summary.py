@@ -14,7 +14,7 @@ from pipeline.condition.summary import (
     summarise_noise,
     with_upper_end,
 )
-from pipeline.noise.base import ALTERNATING, COMPRESSED, STREAKED, UNCERTAIN, NoiseEstimate
+from pipeline.noise.base import ALTERNATING, BEYOND, COMPRESSED, STREAKED, UNCERTAIN, NoiseEstimate
 from pipeline.streams import stream
 
 
@@ -75,7 +75,7 @@ def tiles_of_noise(answered: int, reason: str, without: int) -> NoiseEstimate:
     ("answered", "reason", "without", "known"),
     [(6, COMPRESSED, 6, True), (5, COMPRESSED, 6, False), (1, COMPRESSED, 29, False), (7, UNCERTAIN, 21, True),
      (6, UNCERTAIN, 21, False), (2, "flat", 20, True), (2, "covered", 20, True),
-     (2, "saturated", 5, True), (0, COMPRESSED, 4, False), (3, ALTERNATING, 4, False), (4, ALTERNATING, 4, True),
+     (2, "saturated", 20, True), (0, COMPRESSED, 4, False), (3, ALTERNATING, 4, False), (4, ALTERNATING, 4, True),
      (3, STREAKED, 4, False)],
 )  # fmt: skip
 def test_a_frame_that_mostly_abstains_because_of_a_codec_has_no_noise_level(answered, reason, without, known):
@@ -87,10 +87,10 @@ def test_a_frame_that_mostly_abstains_because_of_a_codec_has_no_noise_level(answ
 
 
 def test_a_frame_of_which_hardly_any_tile_answers_has_no_noise_level():
-    tiles = tiles_of_noise(1, UNCERTAIN, 4)
+    tiles = tiles_of_noise(1, UNCERTAIN, 7)
     tiles.reason[-1] = COMPRESSED
     assert np.isnan(summarise_noise(tiles).value)
-    tiles.reason[-2:] = "flat", "saturated"
+    tiles.reason[-4:] = "flat", "flat", "saturated", "saturated"
     assert summarise_noise(tiles).value == 5
     plugged_in = tiles_of_noise(1, "out of its range", 40)
     assert np.isnan(summarise_noise(plugged_in).value)
@@ -127,6 +127,15 @@ def test_a_coded_frame_holds_at_most_what_two_fifths_of_its_tiles_allow(answered
     tiles = tiles_of_noise(answered, reason, without)
     assert most_noise_dn(tiles) == pytest.approx(bound_dn, nan_ok=True)
     assert np.isnan(most_noise_dn(replace(tiles, at_most_dn=None)))
+
+
+@pytest.mark.parametrize("reason", [UNCERTAIN, BEYOND, ALTERNATING, STREAKED])
+def test_a_frame_has_no_bound_where_no_more_tiles_abstain_because_of_a_codec_than_for_other_reasons(reason):
+    tiles = tiles_of_noise(0, COMPRESSED, 11)
+    tiles.reason[6:] = reason
+    assert np.isfinite(most_noise_dn(tiles))
+    tiles.reason[5:] = reason
+    assert np.isnan(most_noise_dn(tiles))
 
 
 def test_noise_is_at_most_the_upper_end_of_an_answer_and_the_bound_without_one():

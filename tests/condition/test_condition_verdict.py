@@ -133,6 +133,8 @@ def test_the_share_of_blurred_patches_counts_those_that_are_surely_blurred():
     assert blurred_fraction(mtf, mtf) == pytest.approx(2 / 3)
     assert blurred_fraction(mtf, np.stack([sharp, strong, sharp, none])) == pytest.approx(1 / 3)
     assert blurred_fraction(mtf, None) == pytest.approx(2 / 3)
+    moved = np.stack([np.stack([sharp[0], strong[0]]), np.stack([strong[0], sharp[0]]), sharp])  # on one axis each
+    assert blurred_fraction(moved, moved) == pytest.approx(2 / 3)
     assert np.isnan(blurred_fraction(none[None], None))
 
 
