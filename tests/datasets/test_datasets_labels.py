@@ -36,6 +36,15 @@ def test_labels_round_trip(tmp_path_factory, found):
 
 
 @pytest.mark.parametrize(
+    ("box", "inside"),
+    [((90, 10, 120, 30), (90, 10, 100, 30)), ((100, 10, 120, 30), None), ((-20, 10, 0, 30), None),
+     ((10, 50, 30, 60), None), ((10, -9, 30, 0), None)],
+)  # fmt: skip
+def test_a_box_that_begins_at_the_border_has_no_part_inside(box, inside):
+    assert Box("car", *box).clipped(100, 50) == (None if inside is None else Box("car", *inside))
+
+
+@pytest.mark.parametrize(
     ("line", "expected"),
     [
         ("car 1 2 3 4", Box("car", 1, 2, 3, 4)),

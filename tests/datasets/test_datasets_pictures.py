@@ -96,6 +96,13 @@ def test_deep_netpbm_files_are_scaled_by_the_greatest_value_they_state(tmp_path,
     assert np.allclose(read_grey(path), LUMA if colour else GREY / 255, atol=0.6 / maxval)
 
 
+def test_comments_among_the_decimal_numbers_of_a_netpbm_file_are_no_values(tmp_path):
+    path, values = tmp_path / "a.pgm", np.arange(600, dtype=np.uint16).reshape(20, 30)
+    lines = ["0 # 7 8", *map(str, values.ravel()[1:])]
+    path.write_bytes(b"P2\n30 20\n1000\n" + "\n".join(lines).encode())
+    assert np.array_equal(read_picture(path).file_values(), values)
+
+
 def test_deep_netpbm_files_are_refused_where_their_values_do_not_fit_the_header(tmp_path):
     path, values = tmp_path / "a.pgm", np.full((20, 30), 5000, np.uint16)
     for content, reason in (
@@ -232,6 +239,26 @@ def test_broken_files_say_why(tmp_path):
         read_grey(tmp_path)
 
 
+def png(rows: np.ndarray, height_px: int) -> bytes:
+    """A file of 8-bit grey whose header states this height, complete but for its rows."""
+    header = struct.pack(">IIBBBBB", rows.shape[1], height_px, 8, 0, 0, 0, 0)
+    pixels = b"".join(b"\0" + row.tobytes() for row in rows)
+    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(pixels)), (b"IEND", b""))
+    parts = (struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+             for name, data in chunks)  # fmt: skip
+    return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
+
+
+def test_a_png_that_ends_well_with_fewer_rows_than_its_header_states_is_truncated(tmp_path):
+    """A decoder fills the others with black."""
+    path = tmp_path / "a.png"
+    path.write_bytes(png(GREY, 45))
+    assert np.array_equal(read_grey8(path), GREY)
+    path.write_bytes(png(GREY[:40], 45))
+    with pytest.raises(BadPicture, match="truncated: 2480 bytes of pixels, its header states 2790"):
+        read_grey(path)
+
+
 @pytest.mark.parametrize("colour", [0, 6])
 def test_a_small_png_with_a_huge_header_is_not_decoded(tmp_path, monkeypatch, colour):
     """A file of 8 by 8 pixels whose header states 13000 by 13000 of 16 bits, which would take gigabytes."""
@@ -243,6 +270,17 @@ def test_a_small_png_with_a_huge_header_is_not_decoded(tmp_path, monkeypatch, co
     monkeypatch.setattr(PngImageFile, "load", lambda _: pytest.fail("pixels were decoded"))
     with pytest.raises(BadPicture, match="cannot hold"):
         read_grey(path)
+
+
+def test_the_small_second_picture_of_a_telephones_jpeg_is_no_page(tmp_path):
+    """It is a Multi-Picture file (MPO), which is read as the JPEG that it begins with."""
+    path, first = tmp_path / "a.jpg", Image.fromarray(COLOUR)
+    path.write_bytes(encoded(COLOUR, "JPEG"))
+    alone = read_grey(path)
+    first.save(path, "MPO", save_all=True, append_images=[first.resize((20, 15))])
+    with Image.open(path) as opened:
+        assert (opened.format, opened.n_frames) == ("MPO", 2)
+    assert np.array_equal(read_grey(path), alone)
 
 
 def test_pages_are_refused(tmp_path):

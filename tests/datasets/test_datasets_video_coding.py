@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from pathlib import Path
+from types import SimpleNamespace
 
 import av
 import numpy as np
@@ -13,7 +14,7 @@ from data_makers import picture
 from pipeline.camera.processing.codec import VIDEO, video_file
 from pipeline.datasets import video_coding
 from pipeline.datasets.video import read_video
-from pipeline.datasets.video_coding import RECENT_FRAMES, Coding
+from pipeline.datasets.video_coding import RECENT_FRAMES, Coding, Quantisers
 from pipeline.datasets.video_decoder import Decoder
 
 FRAMES = 6
@@ -120,3 +121,16 @@ def test_without_the_filter_quantisers_are_unknown(tmp_path, monkeypatch):
     path = film(tmp_path / "a.mkv", "hevc")
     monkeypatch.setattr(video_coding, "FILTER", "no_such_filter")
     assert codings(path) == [Coding("hevc")] * FRAMES
+
+
+def test_the_quantiser_of_a_slice_is_that_of_its_parameter_set_and_the_coarsest_slice_counts(monkeypatch):
+    sets = [("pic_parameter_set_id", 0), ("pic_init_qp_minus26", 4), ("pic_parameter_set_id", 1)]
+    sets += [("pic_init_qp_minus26", -6)]
+    slices = [("slice_pic_parameter_set_id", 0), ("slice_qp_delta", 3), ("slice_pic_parameter_set_id", 1)]
+    slices += [("slice_qp_delta", 2)]
+    quantisers = Quantisers(None, "mpeg4")
+    assert quantisers._stated(sets) == [] and quantisers._stated(slices) == [33, 22]
+    monkeypatch.setattr(video_coding, "_header_fields", lambda: contextlib.nullcontext(slices))
+    quantisers._filter = SimpleNamespace(filter=lambda packet: None)
+    quantisers.add(SimpleNamespace(size=1))
+    assert quantisers.coarsest == 33
