@@ -145,6 +145,18 @@ def test_wide_intervals_become_abstentions_with_their_reason():
     assert not estimate.abstained[1]  # white: the interval of cellwise is not judged by it
     white = Adaptive(widest_white_reach=1e-3).estimate(stack(flat(8)))
     assert white.reason[0] == UNCERTAIN
+    coded = codec.jpeg(np.repeat(flat(6, 0.9).astype(np.uint8)[..., None], 3, axis=2), 60)[None, ..., 0]
+    behind_a_codec = stack(*coded.astype(np.float32))
+    assert not ADAPTIVE.estimate(behind_a_codec).abstained
+    assert Adaptive(widest_compressed_reach=1e-3).estimate(behind_a_codec).reason[0] == COMPRESSED
+
+
+def test_noise_that_looks_white_is_none_for_cellwise_alone_where_a_codec_shows_at_the_corner():
+    """JPEG 90 leaves noise of 8 DN white; off its grid nothing shows."""
+    coded = codec.jpeg(np.repeat(flat(8, side=256).astype(np.uint8)[..., None], 3, axis=2), 90)[..., 0]
+    patches = stack(coded[:128, :128].astype(np.float32), coded[3:131, 5:133].astype(np.float32))
+    estimate, white = ADAPTIVE.estimate(patches), noise.create("cellwise").estimate(patches)
+    assert (np.isclose(estimate.sigma_dn, white.sigma_dn, rtol=1e-6) == [False, True]).all()
 
 
 @pytest.mark.parametrize(("sigma_dn", "answered_fraction"), [(0, 0.4), (2, 0.15), (5, 0.4)])

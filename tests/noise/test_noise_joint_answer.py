@@ -99,6 +99,28 @@ def test_noise_of_8_dn_counts_as_more_with_much_white_noise_in_it_and_as_less_wi
     assert joint.low_dn[0] < joint.sigma_dn[0] < joint.high_dn[0]  # the interval moves along
 
 
+@pytest.mark.parametrize(("demosaiced", "moved"), [(0.0, 1.0), (0.5, 0.5), (1.0, 0.0)])
+def test_noise_that_was_surely_only_demosaiced_is_not_moved_as_processed_noise_is(demosaiced, moved):
+    answer = ADAPTIVE.correlated.predict(stack(flat(9))[:, 0])
+    given = {"sigma_dn": 8.0, "white_sigma_dn": 4.0, "correlation": 0.6, "reach": 0.1}
+    answer = replace(answer, **{name: np.array([value]) for name, value in given.items()})
+    traces = codec_traces(answer.statistics, 128**2)
+    joint = joined(Levels.zero(1, (16, 16)), Second(np.array([0]), answer, traces, np.ones(1), np.array([demosaiced])))
+    assert np.log1p(joint.sigma_dn) == pytest.approx(np.log(9) + moved * by_line(answer))
+
+
+@pytest.mark.parametrize("weight", [0.5, 1.0])
+def test_uneven_cells_have_the_noise_of_their_patch_as_their_root_mean_square(weight):
+    answer = ADAPTIVE.correlated.predict(stack(flat(9))[:, 0])
+    uneven = np.where(np.arange(16) < 8, 2.0, 10.0).astype(np.float32) * np.ones((1, 16, 1), np.float32)
+    answer = replace(answer, cells_dn=uneven)
+    white = replace(Levels.zero(1, (16, 16)), sigma_dn=np.array([6.0]))
+    second = Second(np.array([0]), answer, codec_traces(answer.statistics, 128**2), np.array([weight]), np.zeros(1))
+    joint = joined(white, second)
+    assert np.sqrt((joint.cells_dn**2).mean()) == pytest.approx(joint.sigma_dn[0], rel=1e-5)
+    assert joint.cells_dn[0, 0, -1] == pytest.approx(5 * joint.cells_dn[0, 0, 0])
+
+
 def test_noise_that_may_be_none_moves_towards_zero_in_its_map_and_its_white_part_too(monkeypatch):
     """The interval of the second network reaches below zero; the answer so falls from 6 DN to 3."""
     patches, estimator = stack(flat(6, 0.9)), Adaptive(widest_reach=9.0)
