@@ -113,6 +113,14 @@ def test_a_killed_exchange_loses_nothing_and_is_tidied_up_later(tmp_path, step):
     assert not list(tmp_path.glob(".replaced-*"))
 
 
+def test_what_was_moved_aside_for_a_folder_of_a_longer_name_stays(tmp_path):
+    kept = tmp_path / ".replaced-data-2-xyz"
+    kept.mkdir()
+    for number in "12":
+        replaced(tmp_path / "data", a=number)
+    assert kept.is_dir()
+
+
 def test_a_file_is_not_replaced_by_a_folder(tmp_path):
     (tmp_path / "folder").write_text("a file")
     with pytest.raises(NotADirectoryError):

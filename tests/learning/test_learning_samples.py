@@ -144,6 +144,8 @@ def test_shares_of_clean_samples(bank):
     assert clean.mean() == pytest.approx(RECIPE.clean_fraction + RECIPE.pre_blur_noise_fraction, abs=0.15)
     none = sampler(bank, replace(RECIPE, clean_fraction=1.0, pre_blur_noise_fraction=0.0)).chunk(0)
     assert (none.sigma_dn == 0).all()
+    halves = sampler(bank, replace(RECIPE, clean_fraction=0.5, pre_blur_noise_fraction=0.5)).chunk(0)
+    assert (halves.sigma_dn == 0).all()  # half of all samples are clean: every one without noise from before the blur
 
 
 @pytest.mark.parametrize("kind", range(4))

@@ -175,6 +175,32 @@ def test_the_best_validated_weights_are_kept():
     assert torch.equal(weights_of(trained), weights_of(stopped))
 
 
+def test_the_best_weights_of_before_a_stop_are_kept_where_none_after_it_are_better(tmp_path):
+    options = {"folder": tmp_path, "score": "score"}
+    run(validate=lambda model: {"score": 1.0}, stop_after=30, **options)
+    trained = run(validate=lambda model: {"score": 2.0}, **options)
+    assert trained.best_step == 20 and torch.equal(weights_of(trained), weights_of(run(stop_after=20)))
+
+
+def test_the_average_of_the_first_step_is_nine_tenths_its_own():
+    """Else a training shorter than the average would end near its initial weights."""
+    initial = torch.cat([value.flatten() for value in network().state_dict().values()])
+    first = weights_of(run(replace(SCHEDULE, ema_decay=0.0), stop_after=1))
+    averaged = weights_of(run(replace(SCHEDULE, ema_decay=0.998), stop_after=1))
+    assert torch.allclose(averaged - initial, 0.9 * (first - initial), atol=1e-6)
+
+
+def test_a_gradient_is_no_longer_than_its_greatest_norm():
+    """Clipped far below the optimiser's epsilon it moves next to nothing."""
+    schedule = replace(SCHEDULE, weight_decay=0.0, ema_decay=0.0)
+    initial = torch.cat([value.flatten() for value in network().state_dict().values()])
+    moved, clipped = (
+        float((weights_of(run(replace(schedule, max_grad_norm=norm), stop_after=5)) - initial).abs().max())
+        for norm in (None, 1e-12)
+    )
+    assert clipped < 1e-3 * moved
+
+
 @pytest.mark.parametrize("first_bad", [21, 25, 30])
 @pytest.mark.parametrize("stop_after", [None, 35])
 def test_a_training_that_diverges_is_an_error_and_keeps_the_last_good_checkpoint(tmp_path, first_bad, stop_after):
