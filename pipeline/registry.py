@@ -14,7 +14,6 @@ import importlib
 import inspect
 from collections.abc import Mapping
 from importlib.metadata import entry_points
-from pathlib import Path
 from typing import Any
 
 from pipeline.errors import InputError, did_you_mean
@@ -31,20 +30,6 @@ class Registry:
 
     def __init__(self, kind: str, group: str, builtin: Mapping[str, str]) -> None:
         self.kind, self.group, self._builtin = kind, group, dict(builtin)
-
-    @classmethod
-    def of_folder(cls, kind: str, group: str, package: str, attribute: str) -> Registry:
-        """A registry of the modules of a package: each file is an entry of its name, no table lists them.
-
-        Args:
-            kind: what is registered, in words.
-            group: entry point group for third parties.
-            package: dotted name.
-            attribute: what is registered in each module.
-        """
-        folder = Path(__file__).resolve().parent.joinpath(*package.split(".")[1:])
-        names = sorted(path.stem for path in folder.glob("*.py") if path.stem != "__init__")
-        return cls(kind, group, {name: f"{package}.{name}:{attribute}" for name in names})
 
     def names(self) -> list[str]:
         """All registered names, sorted; built-in names win over third parties'."""

@@ -64,7 +64,6 @@ def index(
     *,
     patch_px: int = BLUR_PX,
     tile_px: int = NOISE_PX,
-    tile_policy: str = "complete",
     patches_from: str = "auto",
     max_rejected_fraction: float = MAX_REJECTED_FRACTION,
     run_map: Callable[..., list[Any]] = run_map,
@@ -75,7 +74,6 @@ def index(
         dataset: an opened dataset.
         patch_px: side of a blur patch, pixels.
         tile_px: side of a noise tile, pixels.
-        tile_policy: see `pipeline.datasets.patches.tiles`.
         patches_from: ``"objects"``: blur patches over labelled objects; ``"frame"``: whole tiles over the frame;
             ``"auto"``: objects where the dataset has labels, else the frame.
         max_rejected_fraction: largest share of frames, in [0, 1], that may be left out.
@@ -94,7 +92,6 @@ def index(
         _enter,
         patch_px=patch_px,
         tile_px=tile_px,
-        tile_policy=tile_policy,
         from_objects=dataset.labelled if patches_from == "auto" else patches_from == "objects",
     )
     entries = run_map(enter, dataset.frames(), label=f"index of {dataset.name}")
@@ -173,7 +170,7 @@ def patches_of(table: pd.DataFrame, purpose: str, per_frame: int | None = None) 
     return patches
 
 
-def _enter(frame: Frame, patch_px: int, tile_px: int, tile_policy: str, from_objects: bool) -> _Entry:
+def _enter(frame: Frame, patch_px: int, tile_px: int, from_objects: bool) -> _Entry:
     result = inspect(frame, smallest_px=max(patch_px, tile_px))
     grey, frame = result.grey, result.frame
     if grey is None:
@@ -191,7 +188,7 @@ def _enter(frame: Frame, patch_px: int, tile_px: int, tile_policy: str, from_obj
         "previous_frames": len(frame.previous),
         **dataclasses.asdict(image_statistics.measure(grey)),
     }
-    noise = tiles(shape, tile_px, tile_policy)
+    noise = tiles(shape, tile_px)
     return _Entry(dataclasses.replace(result, grey=None), row, {"blur": blur, "noise": noise})
 
 

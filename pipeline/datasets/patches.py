@@ -1,9 +1,8 @@
 """Patches: which squares of a frame are handed to an estimator.
 
 Blur is estimated on 192 px patches over labelled objects (`object_patches`), noise on 128 px tiles of the whole
-frame (`tiles`); `grid_192` is the grid over which the authors' program maps blur across a frame. Rules: Wischow et
-al. 2023, Sec. V, and their program where the paper is silent. All coordinates are 0-based pixels; a patch covers
-[x, x + size) x [y, y + size) and always lies inside the frame.
+frame (`tiles`). Rules: Wischow et al. 2023, Sec. V, and their program where the paper is silent. All coordinates are
+0-based pixels; a patch covers [x, x + size) x [y, y + size) and always lies inside the frame.
 """
 
 from __future__ import annotations
@@ -19,9 +18,8 @@ from pipeline.errors import InputError
 
 BLUR_PX = 192
 NOISE_PX = 128
-CROP_PX = 272  # the authors' program crops 272 px about each 192 px patch
 SAME_PATCH_IOU = 0.7
-POLICIES = ("complete", "cover", "authors")
+POLICIES = ("complete", "cover")
 
 
 @dataclass(frozen=True)
@@ -103,24 +101,17 @@ def tiles(frame_shape: Sequence[int], size_px: int = NOISE_PX, policy: str = "co
         size_px: side of a tile.
         policy: ``"complete"``: only whole tiles from the upper left corner (the paper's 135 on a 1920x1200 frame);
             ``"cover"``: the last tile of a row or column is shifted back to end at the border, so that every pixel is
-            in a tile (150); ``"authors"``: as cover, but the authors' program ends at the last even pixel, shrinks
-            the tile to a smaller frame, and goes through columns before rows.
+            in a tile (150).
 
     Returns:
-        tiles from top to bottom, each row from left to right (``"authors"``: from left to right, each column from
-        top to bottom); none where the frame is smaller than a tile, except with ``"authors"``.
+        tiles from top to bottom, each row from left to right; none where the frame is smaller than a tile.
     """
     height, width = _checked(frame_shape, size_px)
     if policy not in POLICIES:
         raise InputError(f"patches.policy={policy!r}: expected one of {', '.join(POLICIES)}")
-    if policy == "authors":
-        height, width = 2 * (height // 2), 2 * (width // 2)
-        size_px = 2 * (min(size_px, height, width) // 2)
-    if size_px < 1 or min(height, width) < size_px:
+    if min(height, width) < size_px:
         return []
-    rows, columns = (_tile_starts(length, size_px, policy != "complete") for length in (height, width))
-    if policy == "authors":
-        return [Patch(x, y, size_px) for x in columns for y in rows]
+    rows, columns = (_tile_starts(length, size_px, policy == "cover") for length in (height, width))
     return [Patch(x, y, size_px) for y in rows for x in columns]
 
 
@@ -129,35 +120,6 @@ def _tile_starts(length: int, size_px: int, cover: bool) -> list[int]:
     if cover and starts[-1] + size_px < length:
         starts.append(length - size_px)
     return starts
-
-
-def grid_192(frame_shape: Sequence[int]) -> list[Patch]:
-    """The grid on which the authors' program maps the MTF across a frame.
-
-    ceil(H / 192) x ceil(W / 192) patches, each the centre of a 272 px crop. The first crop begins at the border, so
-    the first patch begins at 40 px (the 40 px before it are never used); the last crop ends at the border; patches
-    between begin at multiples of 192 px.
-
-    Args:
-        frame_shape: (H, W), at least 272 px each.
-
-    Returns:
-        patches column by column from the left, each column from top to bottom: values for them fit an array
-        ``.reshape(columns, rows).T``.
-
-    Raises:
-        InputError: the frame is too small for the crops.
-    """
-    height, width = _checked(frame_shape, BLUR_PX)
-    if min(height, width) < CROP_PX:
-        raise InputError(f"a {width}x{height} px frame is too small for the grid, expected at least {CROP_PX} px")
-    return [Patch(x, y, BLUR_PX) for x in _grid_starts(width) for y in _grid_starts(height)]
-
-
-def _grid_starts(length: int) -> list[int]:
-    margin = (CROP_PX - BLUR_PX) // 2
-    count = ceil(length / BLUR_PX)
-    return [margin, *(index * BLUR_PX for index in range(1, count - 1)), length - CROP_PX + margin]
 
 
 def cut(image: np.ndarray, patches: Sequence[Patch]) -> np.ndarray:

@@ -17,9 +17,6 @@ Pillow decodes, because it notices files that end early: OpenCV returns a JPEG w
 as if it were whole, and writes to standard error about harmless oddities of TIFF directories. Where Pillow would
 squeeze 16-bit colour to 8 bit, OpenCV decodes the file after Pillow has found it whole; so it does TIFF files of depths
 and floats that Pillow does not read (`pipeline.datasets.tiff`), if they hold all the bytes that their header states.
-
-``channel_order="authors"`` repeats a slip in the authors' program, which gives pixels read as BGR to a
-conversion from RGB: the red and blue weights change places and the result is rounded to 8 bit.
 """
 
 from __future__ import annotations
@@ -43,7 +40,6 @@ if TYPE_CHECKING:
     from PIL import Image
 
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm"})
-CHANNEL_ORDERS = ("rgb", "authors")
 FEWER_BITS = (8, 10, 12, 14)
 """Depths whose values some cameras and programs store in 16 bits as they are."""
 PNG_END = b"IEND\xaeB`\x82"  # the last chunk with its checksum
@@ -118,26 +114,19 @@ class Picture:
             return self.pixels
         return self.pixels.astype(np.float32) / np.float32(np.iinfo(self.pixels.dtype).max)
 
-    def grey(self, channel_order: str = "rgb") -> np.ndarray:
+    def grey(self) -> np.ndarray:
         """Grey levels; see `read_grey`."""
         import cv2
 
-        if channel_order not in CHANNEL_ORDERS:
-            raise InputError(f"channel_order={channel_order!r}: expected one of {', '.join(CHANNEL_ORDERS)}")
-        if channel_order == "authors":
-            eight = self.pixels if self.pixels.dtype == np.uint8 else to_8bit(self.unit())
-            swapped = cv2.cvtColor(eight, cv2.COLOR_BGR2GRAY) if self.colour else eight
-            return swapped.astype(np.float32) / np.float32(255)
         values = self.unit()
         return np.clip(cv2.cvtColor(values, cv2.COLOR_RGB2GRAY), 0, 1) if self.colour else values
 
 
-def read_grey(path: str | Path, *, channel_order: str = "rgb", smallest_px: int = SMALLEST_PX) -> np.ndarray:
+def read_grey(path: str | Path, *, smallest_px: int = SMALLEST_PX) -> np.ndarray:
     """A picture file as grey levels.
 
     Args:
         path: a picture in one of the formats `SUFFIXES`.
-        channel_order: ``"rgb"`` for BT.601 luma, or ``"authors"`` for 0.299 B + 0.587 G + 0.114 R rounded to 8 bit.
         smallest_px: both sides must be at least this long.
 
     Returns:
@@ -146,12 +135,12 @@ def read_grey(path: str | Path, *, channel_order: str = "rgb", smallest_px: int 
     Raises:
         BadPicture: the file cannot be used; the reason is named.
     """
-    return read_picture(path, smallest_px=smallest_px).grey(channel_order)
+    return read_picture(path, smallest_px=smallest_px).grey()
 
 
-def read_grey8(path: str | Path, *, channel_order: str = "rgb", smallest_px: int = SMALLEST_PX) -> np.ndarray:
+def read_grey8(path: str | Path, *, smallest_px: int = SMALLEST_PX) -> np.ndarray:
     """A picture file as 8-bit grey levels: `read_grey` times 255, rounded. (H, W) uint8."""
-    return to_8bit(read_grey(path, channel_order=channel_order, smallest_px=smallest_px))
+    return to_8bit(read_grey(path, smallest_px=smallest_px))
 
 
 def picture_size(path: str | Path) -> tuple[int, int] | None:

@@ -70,7 +70,7 @@ def closure(modules: str | Iterable[str], chosen: Chosen | None = None, root: Pa
             files |= _beside(root / path, root)
         waiting += _imported(source, module, root)
         if used or not package:
-            waiting += [(target, True) for target in _registered(source, chosen or {}, starts, root)]
+            waiting += [(target, True) for target in _registered(source, chosen or {}, starts)]
     return frozenset(files)
 
 
@@ -135,12 +135,8 @@ def registered(module: str, root: Path = ROOT) -> frozenset[str]:
     return frozenset(name for names in (source.registries.values() if source else ()) for name in names)
 
 
-def _registered(source: Source, chosen: Chosen, starts: frozenset[str], root: Path) -> Iterator[str]:
-    entries = dict(source.registries)
-    for group, package in source.folders.items():
-        modules = (path.stem for path in (root / package.replace(".", "/")).glob("*.py"))
-        entries[group] = {name: f"{package}.{name}" for name in modules if name != "__init__"}
-    for group, names in entries.items():
+def _registered(source: Source, chosen: Chosen, starts: frozenset[str]) -> Iterator[str]:
+    for group, names in source.registries.items():
         wanted = chosen.get(group, frozenset(names))
         _refuse_unknown(group, wanted - names.keys(), names)
         targets = {names[name] for name in wanted if name in names}

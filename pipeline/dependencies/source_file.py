@@ -21,7 +21,6 @@ class Source:
         imports: dotted names of modules that it imports.
         froms: (module, name) of its ``from module import name``.
         registries: group -> name -> dotted module.
-        folders: group -> package whose modules are the entries (`pipeline.registry.Registry.of_folder`).
         data: data files that it names, relative to the project.
         whole_folder: whether it opens files of its folder (`importlib.resources.files`).
         computed: lines that import a module by a computed name.
@@ -30,7 +29,6 @@ class Source:
     imports: frozenset[str]
     froms: frozenset[tuple[str, str]]
     registries: Mapping[str, Mapping[str, str]]
-    folders: Mapping[str, str]
     data: frozenset[str]
     whole_folder: bool
     computed: tuple[int, ...]
@@ -61,7 +59,6 @@ def read_source(text: str, module: str, package: bool = False) -> Source:
         frozenset(reader.imports),
         frozenset(reader.froms),
         reader.registries,
-        reader.folders,
         frozenset(reader.data),
         reader.whole_folder,
         tuple(reader.computed),
@@ -77,7 +74,6 @@ class _Reader:
     imports: set[str] = field(default_factory=set)
     froms: set[tuple[str, str]] = field(default_factory=set)
     registries: dict[str, dict[str, str]] = field(default_factory=dict)
-    folders: dict[str, str] = field(default_factory=dict)
     data: set[str] = field(default_factory=set)
     whole_folder: bool = False
     computed: list[int] = field(default_factory=list)
@@ -98,9 +94,6 @@ class _Reader:
         elif called.rpartition(".")[2] == "Registry":
             group, names = _registry(node)
             self.registries.setdefault(group, {}).update(names)
-        elif called.endswith("Registry.of_folder"):
-            _, group, package, _ = (ast.literal_eval(argument) for argument in node.args)
-            self.folders[group] = package
         elif called in ("resources.files", "importlib.resources.files"):
             self.whole_folder = True
 

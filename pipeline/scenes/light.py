@@ -1,7 +1,7 @@
 """Light of a scene: sun, ambient directions, haze; all in one unit of radiance.
 
 The unit: a perfectly white diffuse surface under irradiance 1 has radiance 1. A sun of strength 3.1 stands for
-about 90 klx on a surface facing it, so one unit is about 9200 cd/m^2 (`UNIT_CD_M2`).
+about 90 klx on a surface facing it, so one unit is about 9200 cd/m^2.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float32]
 
-UNIT_CD_M2 = 90_000.0 / np.pi / 3.1
 SUN_RADIUS_RAD = 0.00465
 GOLDEN_ANGLE_RAD = np.pi * (3.0 - np.sqrt(5.0))
 

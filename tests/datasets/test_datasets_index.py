@@ -154,7 +154,7 @@ def test_index_of_unlabelled_frames_takes_the_whole_frame(tmp_path):
 
 def test_index_options(tmp_path):
     dataset = datasets.open_dataset("sim", "sim", make_sim(tmp_path, viewpoints=1))
-    indexed = index(dataset, patch_px=96, tile_px=64, tile_policy="cover", patches_from="frame")
+    indexed = index(dataset, patch_px=96, tile_px=64, patches_from="frame")
     assert set(indexed.patches["size_px"]) == {96, 64}
     counts = indexed.patches.groupby("purpose").size()
     assert (counts["noise"], counts["blur"]) == (7 * 5, 4 * 3)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.datasets.frame import Box
-from pipeline.datasets.patches import Patch, cut, grid_192, object_patches, tiles
+from pipeline.datasets.patches import Patch, cut, object_patches, tiles
 from pipeline.errors import InputError
 
 UDACITY, KITTI, SIM = (1200, 1920), (375, 1242), (768, 896)
@@ -34,13 +34,10 @@ def inside(shape, patches):
     [
         (UDACITY, "complete", 15, 9),
         (UDACITY, "cover", 15, 10),
-        (UDACITY, "authors", 15, 10),
         (KITTI, "complete", 9, 2),
         (KITTI, "cover", 10, 3),
-        (KITTI, "authors", 10, 3),
         (SIM, "complete", 7, 6),
         (SIM, "cover", 7, 6),
-        (SIM, "authors", 7, 6),
     ],
 )
 def test_tile_counts_of_the_paper(shape, policy, columns, rows):
@@ -53,19 +50,17 @@ def test_tile_counts_of_the_paper(shape, policy, columns, rows):
 def test_last_row_of_udacity_overlaps():
     assert sorted({p.y_px for p in tiles(UDACITY, 128, "cover")})[-2:] == [1024, 1072]
     assert {p.y_px for p in tiles(KITTI, 128, "cover")} == {0, 128, 247}
-    assert {p.y_px for p in tiles(KITTI, 128, "authors")} == {0, 128, 246}  # their maps end at the last even row
 
 
 def test_orders():
     assert [(p.x_px, p.y_px) for p in tiles((256, 256), 128)] == [(0, 0), (128, 0), (0, 128), (128, 128)]
-    assert [(p.x_px, p.y_px) for p in tiles((256, 256), 128, "authors")] == [(0, 0), (0, 128), (128, 0), (128, 128)]
 
 
 @given(height=sizes, width=sizes, size_px=st.integers(1, 260))
 def test_tiles_of_any_frame(height, width, size_px):
     shape = (height, width)
-    complete, cover, authors = (tiles(shape, size_px, policy) for policy in ("complete", "cover", "authors"))
-    for item in (complete, cover, authors):
+    complete, cover = (tiles(shape, size_px, policy) for policy in ("complete", "cover"))
+    for item in (complete, cover):
         assert inside(shape, item)
         assert len(set(item)) == len(item)
     assert len(complete) == (height // size_px) * (width // size_px)
@@ -76,9 +71,6 @@ def test_tiles_of_any_frame(height, width, size_px):
         assert len(cover) == -(-height // size_px) * -(-width // size_px)
     else:
         assert cover == []
-    even = (2 * (height // 2), 2 * (width // 2))
-    if min(even) >= 2 and size_px >= 2:
-        assert covered(even, authors).all()  # all but an odd last row or column, also in frames below a tile
 
 
 @st.composite
@@ -128,24 +120,6 @@ def test_object_rule_by_hand():
     assert [p.x_px for p in object_patches(frame, apart)] == [100, 148]
     assert object_patches(frame, [Box("car", 0, 0, 50, 50, ignore=True)]) == []
     assert object_patches((191, 600), [Box("car", 0, 0, 50, 50)]) == []
-
-
-def test_grid_of_the_authors_program():
-    grid = grid_192(UDACITY)
-    assert len(grid) == 10 * 7
-    xs, ys = sorted({p.x_px for p in grid}), sorted({p.y_px for p in grid})
-    assert xs == [40, *range(192, 1728, 192), 1920 - 232]
-    assert ys == [40, 192, 384, 576, 768, 960, 1200 - 232]
-    assert [p.x_px for p in grid[:7]] == [40] * 7  # columns first
-    with pytest.raises(InputError, match="at least 272"):
-        grid_192((271, 800))
-
-
-@given(st.integers(272, 900), st.integers(272, 900))
-def test_grid_stays_inside(height, width):
-    grid = grid_192((height, width))
-    assert inside((height, width), grid)
-    assert len(grid) == -(-height // 192) * -(-width // 192)
 
 
 @given(st.integers(20, 90), st.integers(20, 90), st.integers(1, 20))

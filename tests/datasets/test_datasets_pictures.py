@@ -27,7 +27,6 @@ from pipeline.datasets.pictures import (
     read_grey8,
     read_picture,
 )
-from pipeline.errors import InputError
 
 GREY = picture("pictures", 61, 45)
 COLOUR = np.stack([GREY, GREY[::-1], np.roll(GREY, 7, axis=1)], axis=2)
@@ -64,16 +63,6 @@ def test_jpeg_decodes_as_opencv_does(tmp_path):
     path.write_bytes(encoded(COLOUR, "JPEG", quality=95))
     theirs = cv2.cvtColor(cv2.imread(str(path)).astype(np.float32), cv2.COLOR_BGR2GRAY)
     assert np.abs(read_grey(path) * 255 - theirs).max() < 1.01  # decoders may differ by a rounding
-
-
-def test_authors_channel_order_equals_their_call(tmp_path):
-    path = tmp_path / "a.png"
-    path.write_bytes(encoded(COLOUR, "PNG"))
-    theirs = cv2.cvtColor(cv2.imread(str(path)), cv2.COLOR_RGB2GRAY)  # pixels are BGR: the slip
-    assert np.array_equal(read_grey8(path, channel_order="authors"), theirs)
-    assert not np.array_equal(theirs, read_grey8(path))
-    with pytest.raises(InputError, match="channel_order='bgr'"):
-        read_grey(path, channel_order="bgr")
 
 
 def netpbm(values: np.ndarray, maxval: int, *, plain: bool = False) -> bytes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import pytest
 
@@ -10,7 +9,6 @@ from pipeline import datasets
 from pipeline.datasets.folder import read_box_labels
 from pipeline.datasets.index import index
 from pipeline.datasets.labels import CLIPPED
-from pipeline.datasets.patches import tiles
 from pipeline.datasets.pictures import read_grey8
 from pipeline.datasets.quarantine import COLOUR, scan
 from pipeline.errors import InputError
@@ -94,7 +92,6 @@ def test_udacity_boxes_equal_the_simplified_labels(shared):
 def test_udacity_index_has_the_papers_tiles(shared):
     indexed = index(udacity(shared, "autti"))
     assert (indexed.patches["purpose"] == "noise").sum() == 5 * 135
-    assert len(tiles((1200, 1920), policy="authors")) == 150
 
 
 def test_authors_sim_is_a_folder(shared):
@@ -103,12 +100,6 @@ def test_authors_sim_is_a_folder(shared):
     assert [len(f.boxes) for f in scanned.usable] == [1, 2, 2, 2, 2]
     assert (scanned.quarantined, scanned.notes) == ([], {})
     assert {box.label for f in scanned.usable for box in f.boxes} == {"car"}
-
-
-def test_authors_grey_conversion_on_real_frames(shared):
-    for frame in udacity(shared, "autti").frames()[:2]:
-        theirs = cv2.cvtColor(cv2.imread(str(frame.path)), cv2.COLOR_RGB2GRAY)
-        assert np.array_equal(read_grey8(frame.path, channel_order="authors"), theirs)
 
 
 def test_whitelists(shared):

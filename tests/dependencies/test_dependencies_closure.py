@@ -28,12 +28,6 @@ PACKAGE = {
         "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from pipeline import typed\n"
         "else:\n    from . import base\n"
     ),
-    "pipeline/sections/__init__.py": (
-        "from pipeline.registry import Registry\nS = Registry.of_folder('s', 'pipeline.s', 'pipeline.sections', 'S')\n"
-    ),
-    "pipeline/sections/one.py": "",
-    "pipeline/sections/two.py": "",
-    "pipeline/asks.py": "from pipeline.sections import S\n",
     "pipeline/page/__init__.py": "from importlib import resources\nresources.files(__package__)\n",
     "pipeline/page/style.css": "",
     "pipeline/computed.py": "import importlib\nname = 'x'\nimportlib.import_module(f'pipeline.{name}')\n",
@@ -68,11 +62,6 @@ NOISE = {"__init__.py", "registry.py", "noise/__init__.py"}
         ),
         ("pipeline.uses", {"pipeline.noise": frozenset({"a"})}, {*NOISE, "uses.py", "noise/a.py", "base.py"}),
         ("pipeline.uses", {"pipeline.noise": frozenset()}, {*NOISE, "uses.py"}),
-        (
-            "pipeline.asks",
-            {"pipeline.s": frozenset({"two"})},
-            {"__init__.py", "registry.py", "asks.py", "sections/__init__.py", "sections/two.py"},
-        ),
         ("pipeline.page", None, {"__init__.py", "page/__init__.py", "page/style.css"}),
     ],
 )
@@ -90,8 +79,6 @@ def test_what_cannot_be_followed_is_an_error(root):
 def test_a_chosen_name_that_is_not_registered_is_an_error(root):
     with pytest.raises(InputError, match=r"pipeline\.noise: 'nope' is not registered; known: a, b"):
         closure("pipeline.uses", {"pipeline.noise": frozenset({"a", "nope"})}, root)
-    with pytest.raises(InputError, match=r"pipeline\.s: 'tow' is not registered; did you mean 'two'\?"):
-        closure("pipeline.asks", {"pipeline.s": frozenset({"tow"})}, root)
     assert closure("pipeline.alone", {"pipeline.noise": frozenset({"nope"})}, root)  # reaches no such registry
 
 

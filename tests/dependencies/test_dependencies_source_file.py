@@ -36,13 +36,11 @@ def test_imports_by_name_and_by_a_computed_name():
 def test_registries_and_files_that_are_named():
     text = (
         "R = Registry('noise estimator', 'pipeline.noise', {'pca': 'pipeline.noise.pca:Pca'})\n"
-        "S = Registry.of_folder('policy', 'pipeline.policies', 'pipeline.control.policies', 'Policy')\n"
         "W, other = 'data/weights/mtf_cnn.safetensors', 'data/other.csv'\n"
         "importlib.resources.files(__package__)\n"
     )
     source = read_source(text, "pipeline.noise", True)
     assert source.registries == {"pipeline.noise": {"pca": "pipeline.noise.pca"}}
-    assert source.folders == {"pipeline.policies": "pipeline.control.policies"}
     assert source.data == {"data/weights/mtf_cnn.safetensors"}
     assert source.whole_folder
 

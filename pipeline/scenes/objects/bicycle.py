@@ -148,7 +148,7 @@ def _parts(build: Build, roll_rad: float, crank_rad: float) -> list[Mesh]:
     if build.rack:
         parts += _rack()
     if build.basket:
-        parts += _basket(build)
+        parts += _basket()
     return parts
 
 
@@ -241,7 +241,7 @@ def _rack() -> list[Mesh]:
     return parts + [_rod((-0.54, y, WHEEL_M), (-0.62, y, top), 0.006, "black") for y in (-0.065, 0.065)]
 
 
-def _basket(build: Build) -> list[Mesh]:
+def _basket() -> list[Mesh]:
     low = _HEAD + np.array([0.12, 0.0, -0.02])
     parts = []
     for height in np.linspace(0.0, 0.22, 5):
