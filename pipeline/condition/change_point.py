@@ -1,19 +1,30 @@
 """Change-point alarm: has the condition of a camera degraded since its reference period?
 
-One-sided cumulative sums (Page, "Continuous inspection schemes", Biometrika 1954) of standardised values. With y the
-quantity in which degradation counts upwards,
+One-sided cumulative sums (Page, "Continuous inspection schemes", Biometrika 1954) of normal scores. With y the quantity
+in which degradation counts upwards, and n frames of a reference period,
 
-    z_t = min((y_t - m) / s, 4),        S_t = max(0, S_{t-1} + z_t - k),        alarm where S_t > h,
+    z_t = probit((rank of y_t among the reference + 1/2) / (n + 1)),
+    S_t = max(0, S_{t-1} + z_t / s - k),        alarm where S_t > h.
 
-m, s and the lag-1 autocorrelation phi come from a reference period of n frames. The threshold h follows from the
-average run length between false alarms, ARL (Siegmund, "Sequential Analysis", 1985, with the long-run variance
-tau^2 = (1 + phi) / (1 - phi) of an autocorrelated series in place of 1):
+Scores of ranks (Conover, Tercero-Gomez and Cordero-Franco, "The sequential normal scores transformation", Sequential
+Analysis 2017) are standard normal whatever law the frames follow, so that one in fifty that stands out, as behind a
+gust of spray, counts in the sums as it did in the reference. Beyond the largest value of the reference, whose score is
+z_n (2.9 of 300 frames), scores grow in proportion to the distance from the median, up to min(1 + (z_n - 1) tau^2, 6):
+the longer frames are alike, the less a single score matters, and an alarm takes three frames at least. A score is at
+most the distance from the median over 0.02, so that changes too small to matter raise nothing.
+
+The threshold h follows from the average run length between false alarms, ARL (Siegmund, "Sequential Analysis", 1985,
+with the long-run variance tau^2 of an autocorrelated series in place of 1, as in the chart of Kim, Alexopoulos, Tsui
+and Wilson, "A distribution-free tabular CUSUM chart for autocorrelated data", IIE Transactions 2007):
 
     ARL = tau^2 / (2 k^2) (exp(x) - 1 - x),     x = 2 k b / tau^2,     b = h + 1.166.
 
-A reference of finite length is uncertain. Three allowances keep the ARL: k = 1 + tau / sqrt(n) in the recursion (the
-mean), s enlarged to the upper end of its interval, and phi likewise. Estimates of one picture that leap (clipping at 4
-s) raise no alarm by themselves. Frames without an estimate are skipped.
+tau^2 is that of the reference's scores (`pipeline.condition.long_run_variance`), times their variance where that bound
+makes it less than 1, and at least 1. A reference of finite length is
+uncertain. Three allowances keep the ARL: k = 1 + 1.5 tau / sqrt(n) in the recursion (the mean), s, which is 1 but for
+its interval of 1.5 standard errors, whose upper end is taken, and an upper estimate of tau^2. They suffice where the
+reference is long enough to show how frames vary, not for scenery that is alike for 5 s and longer in one of 30 s:
+`pipeline.condition.trend` states the rates. Frames without an estimate are skipped.
 
 A sum stops growing at 2 h, so that an alarm clears some frames after the quantity has recovered.
 
@@ -33,16 +44,18 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import ndtri
+from scipy.stats import rankdata
 
+from pipeline.condition.long_run_variance import lag_1, long_run_variance
 from pipeline.errors import InputError
 
 Floats = NDArray[np.float64]
 
 SHIFT_SIGMAS = 1.0  # k: half the shift that the chart is tuned for
 OVERSHOOT = 1.166  # Siegmund's correction of the threshold for discrete time
-LARGEST_STEP = 4.0
-CONFIDENCE = 1.0  # standard errors that the reference's mean, spread and autocorrelation are enlarged by
-LARGEST_AUTOCORRELATION = 0.95
+LARGEST_SCORE = 6.0  # of frames beyond the reference, where it has less than that
+CONFIDENCE = 1.5  # standard errors that the reference's mean and spread are enlarged by
 LEAST_SPREAD = 0.02  # of ln(1 + sigma) and ln MTF: changes of 2 % are of no interest to an operator
 LEAST_REFERENCE = 100
 MAD_TO_SIGMA = 1.4826
@@ -92,19 +105,15 @@ def threshold_for(frames: float, allowance: float, long_run_variance: ArrayLike)
 
 @dataclass(frozen=True)
 class Reference:
-    """Level and spread of quantities while the camera is in order.
+    """How quantities vary while the camera is in order.
 
     Attributes:
-        mean: (...) m.
-        spread: (...) s.
-        autocorrelation: (...) phi.
-        frames: n.
+        ascending: (n, ...) values, each quantity's in ascending order.
+        long_run_variance: (...) tau^2 of their scores.
     """
 
-    mean: Floats
-    spread: Floats
-    autocorrelation: Floats
-    frames: int
+    ascending: Floats
+    long_run_variance: Floats
 
     @classmethod
     def of(cls, values: ArrayLike) -> Reference:
@@ -117,22 +126,43 @@ class Reference:
             InputError: fewer than 100 frames, or a value that is no number.
         """
         series = _checked(values)
-        n = len(series)
-        kept = _clipped(series)
-        mean, spread = kept.mean(axis=0), kept.std(axis=0, ddof=1)
-        centred = kept - mean
-        raw = _lag_1(centred)
-        phi = raw + (1 + 3 * np.maximum(raw, 0)) / n  # bias of short series (Kendall 1954)
-        phi = phi + CONFIDENCE * np.sqrt(np.maximum(1 - np.clip(phi, 0, 1) ** 2, 0.0) / n)
-        phi = np.clip(phi, 0.0, LARGEST_AUTOCORRELATION)
-        effective = np.maximum(n * (1 - phi) / (1 + phi), 2.0)  # independent frames that tell as much
-        spread = spread / np.sqrt(1 - 1 / effective) * (1 + CONFIDENCE / np.sqrt(2 * effective))
-        return cls(mean, np.maximum(spread, LEAST_SPREAD), phi, n)
+        scores = _bounded(ndtri((rankdata(series, axis=0) - 0.5) / len(series)), series - np.median(series, axis=0))
+        tau2 = np.minimum(scores.var(axis=0), 1.0) * long_run_variance(scores)
+        return cls(np.sort(series, axis=0), np.maximum(tau2, 1.0))
 
     @property
-    def long_run_variance(self) -> Floats:
-        """(...) tau^2 of the standardised series."""
-        return np.asarray((1 + self.autocorrelation) / (1 - self.autocorrelation))
+    def frames(self) -> int:
+        """Length n of the reference."""
+        return len(self.ascending)
+
+    @property
+    def median(self) -> Floats:
+        """(...) level of the quantities."""
+        return np.asarray((self.ascending[(self.frames - 1) // 2] + self.ascending[self.frames // 2]) / 2)
+
+    @property
+    def spread(self) -> Floats:
+        """(...) s: standard deviation of later scores that the reference does not exclude."""
+        effective = np.maximum(self.frames / self.long_run_variance, 2.0)  # independent frames that tell as much
+        return np.asarray((1 + CONFIDENCE / np.sqrt(2 * effective)) / np.sqrt(1 - 1 / effective))
+
+    def scores(self, values: ArrayLike) -> Floats:
+        """Normal scores z of the values of a later frame.
+
+        Args:
+            values: (...) quantities, finite.
+
+        Returns:
+            (...) z, of the law of 0 mean and unit variance where nothing has changed.
+        """
+        y, n, largest = np.asarray(values, dtype=np.float64), self.frames, self.ascending[-1]
+        rank = ((self.ascending < y).sum(axis=0) + (self.ascending <= y).sum(axis=0)) / 2
+        scores = ndtri((rank + 0.5) / (n + 1))
+        above = y - self.median
+        end = float(ndtri((n + 0.5) / (n + 1)))
+        most = np.minimum(1 + (end - 1) * self.long_run_variance, max(LARGEST_SCORE, end))
+        beyond = np.minimum(end * above / np.maximum(largest - self.median, LEAST_SPREAD), most)
+        return _bounded(np.where(y > largest, beyond, scores), above)
 
 
 def drift(values: ArrayLike) -> tuple[Floats, Floats, NDArray[np.bool_]]:
@@ -157,7 +187,7 @@ def drift(values: ArrayLike) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     slopes = np.tensordot(frame, centred, axes=1) / (frame @ frame)
     rest = centred - frame.reshape(-1, *[1] * (centred.ndim - 1)) * slopes
     variance = (rest**2).sum(axis=(0, 1)) / (2 * m - 4)
-    raw = _lag_1(rest, (0, 1))
+    raw = lag_1(rest, (0, 1))
     phi = raw + (2 + 4 * np.maximum(raw, 0)) / m  # bias of a short series that has lost a line
     phi = phi + DRIFT_CONFIDENCE * np.sqrt(np.maximum(1 - np.clip(phi, 0, 1) ** 2, 0.0) / (2 * m))
     phi = np.clip(phi, 0.0, LARGEST_DRIFT_AUTOCORRELATION)
@@ -181,17 +211,17 @@ def _checked(values: ArrayLike) -> Floats:
     return series
 
 
+def _bounded(scores: Floats, distance: Floats) -> Floats:
+    """(...) scores, of changes too small to matter no greater than their distance from the median over 0.02."""
+    most = np.abs(distance) / LEAST_SPREAD
+    return np.clip(scores, -most, most)
+
+
 def _clipped(series: Floats) -> Floats:
     """(n, ...) values, those far from the median moved to 3.5 robust standard deviations from it."""
     middle = np.median(series, axis=0)
     rough = np.maximum(MAD_TO_SIGMA * np.median(np.abs(series - middle), axis=0), LEAST_SPREAD / 2)
     return np.clip(series, middle - INLIER_SIGMAS * rough, middle + INLIER_SIGMAS * rough)
-
-
-def _lag_1(centred: Floats, axes: tuple[int, ...] = (0,)) -> Floats:
-    """Lag-1 autocorrelation along the first axis of (n, ...) values without their mean, summed over axes."""
-    products, squares = (centred[1:] * centred[:-1]).sum(axis=axes), (centred**2).sum(axis=axes)
-    return np.asarray(products / np.maximum(squares, 1e-12))
 
 
 class Chart:
@@ -213,9 +243,9 @@ class Chart:
         tau2 = reference.long_run_variance
         self.threshold = threshold_for(frames_between_false_alarms, SHIFT_SIGMAS, tau2)
         self.allowance = SHIFT_SIGMAS + CONFIDENCE * np.sqrt(tau2 / reference.frames)
-        self.total = np.zeros(np.shape(reference.mean))
-        self.alarm = np.zeros(np.shape(reference.mean), dtype=bool)
-        self.frames_since_zero = np.zeros(np.shape(reference.mean), dtype=np.int64)
+        self.total = np.zeros(np.shape(tau2))
+        self.alarm = np.zeros(np.shape(tau2), dtype=bool)
+        self.frames_since_zero = np.zeros(np.shape(tau2), dtype=np.int64)
 
     def step(self, values: ArrayLike) -> NDArray[np.bool_]:
         """Take the values of one frame.
@@ -228,8 +258,7 @@ class Chart:
         """
         y = np.asarray(values, dtype=np.float64)
         known = np.isfinite(y)
-        z = np.minimum((np.where(known, y, self.reference.mean) - self.reference.mean) / self.reference.spread,
-                       LARGEST_STEP)  # fmt: skip
+        z = self.reference.scores(np.where(known, y, 0.0)) / self.reference.spread
         total = np.clip(self.total + z - self.allowance, 0.0, CAP * self.threshold)
         self.total = np.where(known, total, self.total)
         self.frames_since_zero = np.where(self.total > 0, self.frames_since_zero + 1, 0)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks.trend_alarms import LAWS, false_alarms
 from pipeline.condition.change_point import SHIFT_SIGMAS, Chart, Reference, drift, run_length, threshold_for
 from pipeline.condition.trend import FRAMES_BETWEEN_FALSE_ALARMS, QUANTITIES, REFERENCE_FRAMES, ConditionTrend
 from pipeline.errors import InputError
@@ -30,8 +31,14 @@ def test_the_threshold_has_the_run_length_asked_for():
 
 def test_simulated_run_length_is_that_of_the_formula():
     """With a reference that is known exactly."""
-    exact = Reference(np.zeros(4000), np.ones(4000), np.zeros(4000), 10**12)
-    chart = Chart(exact, 400.0)
+
+    class Exact(Reference):
+        frames = 10**12
+
+        def scores(self, values):
+            return values
+
+    chart = Chart(Exact(np.zeros((1, 4000)), np.ones(4000)), 400.0)
     generator, first = stream(0, "exact chart"), np.full(4000, np.nan)
     for frame in range(2500):
         begins = chart.step(generator.standard_normal(4000))
@@ -42,7 +49,7 @@ def test_simulated_run_length_is_that_of_the_formula():
 
 @pytest.mark.parametrize(("phi", "frames"), [(0.0, 300), (0.5, 300), (0.8, 300), (0.9, 300), (0.0, 100), (0.8, 100)])
 def test_less_than_one_false_alarm_an_hour_for_all_quantities_together(phi, frames):
-    runs, length = 400, 4500
+    runs, length = 200, 4500
     series = autoregressive(stream(0, "false alarms", phi, frames), phi, runs)
     reference = Reference.of([next(series) for _ in range(frames)])
     chart = Chart(reference, FRAMES_BETWEEN_FALSE_ALARMS)
@@ -50,34 +57,74 @@ def test_less_than_one_false_alarm_an_hour_for_all_quantities_together(phi, fram
     assert len(QUANTITIES) * alarms / (runs * length / HOUR) < 1.0
 
 
+@pytest.mark.parametrize("law", [*list(LAWS)[3:8], *list(LAWS)[9:11]])
+def test_scatter_that_is_no_normal_autoregression_raises_as_few(law):
+    """Frames that stand out, heavy tails, skew, stop and go, slow scenery below the scatter of the estimates."""
+    bound = 3.0 if " and white" in law else 1.0  # slow scenery is not kept to one: docs/monitor.md
+    assert false_alarms(law, series=150, frames=3000)["alarms_an_hour"] < bound
+
+
+def test_scores_are_those_of_ranks_bounded_and_none_where_the_change_is_too_small_to_matter():
+    values = stream(0, "scores").normal(1.0, SPREAD, 301)
+    reference = Reference.of(values)
+    middle, largest, end = float(np.median(values)), float(values.max()), float(reference.scores(values.max() + 1e-9))
+    assert float(reference.median) == middle and float(reference.scores(middle)) == pytest.approx(0.0, abs=1e-9)
+    assert 2.8 < end < 3.0 and float(reference.scores(-100.0)) == pytest.approx(-end, abs=1e-6)
+    assert float(reference.scores(100.0)) == pytest.approx(1 + (end - 1) * float(reference.long_run_variance), rel=1e-4)
+    transformed = Reference.of(np.exp(5 * values))
+    for value in np.linspace(values.min(), largest, 20):
+        assert transformed.scores(np.exp(5 * value)) == pytest.approx(reference.scores(value))
+    assert float(Reference.of(np.full(200, 0.7)).scores(0.71)) == pytest.approx(0.5)  # half of 2 %
+
+
+def test_an_alarm_stands_until_the_sum_is_back_at_zero():
+    class Raw(Reference):
+        def scores(self, values):
+            return values
+
+    chart = Chart(Raw(np.zeros((300, 1)), np.ones(1)), FRAMES_BETWEEN_FALSE_ALARMS)
+    begun = [bool(chart.step([3.0])[0]) for _ in range(6)]
+    assert sum(begun) == 1
+    while chart.total[0] > chart.threshold[0]:
+        chart.step([0.0])
+    assert 0 < chart.total[0] <= chart.threshold[0] and chart.alarm[0]
+    assert not any(chart.step([3.0])[0] for _ in range(6))  # the same alarm, above the threshold again
+    while chart.total[0] > 0:
+        assert chart.alarm[0]
+        chart.step([0.0])
+    assert not chart.alarm[0]
+
+
 def test_a_large_shift_is_seen_within_a_second_and_an_alarm_clears():
+    """By most of 200 charts; a reference that may hide slow scenery makes a chart slower."""
     generator = stream(0, "shift")
-    chart = Chart(Reference.of(generator.normal(0, SPREAD, 300)), FRAMES_BETWEEN_FALSE_ALARMS)
-    for value in generator.normal(0, SPREAD, 100):
-        assert not chart.step(value)
-    delay = next(n for n in range(1, 100) if chart.step(5 * SPREAD + generator.normal(0, SPREAD)))
-    assert delay <= 10
-    for value in generator.normal(0, SPREAD, 30):
-        chart.step(value)
-    assert not chart.alarm
+    chart = Chart(Reference.of(generator.normal(0, SPREAD, (300, 200))), FRAMES_BETWEEN_FALSE_ALARMS)
+    for values in generator.normal(0, SPREAD, (100, 200)):
+        assert not chart.step(values).any()
+    delay = np.zeros(200)
+    for values in generator.normal(5 * SPREAD, SPREAD, (100, 200)):
+        delay += ~chart.alarm
+        chart.step(values)
+    assert delay.min() >= 3 and np.median(delay) <= 5 and np.quantile(delay, 0.8) <= 10 and delay.max() <= 50
+    for values in generator.normal(0, SPREAD, (30, 200)):
+        chart.step(values)
+    assert chart.alarm.mean() < 0.3
 
 
 def test_an_alarm_that_stood_for_long_clears_as_soon_as_a_short_one():
-    generator = stream(0, "long alarm")
-    chart = Chart(Reference.of(generator.normal(0, SPREAD, 300)), FRAMES_BETWEEN_FALSE_ALARMS)
-    for value in generator.normal(5 * SPREAD, SPREAD, 1000):
-        chart.step(value)
-    assert chart.alarm
-    for value in generator.normal(0, SPREAD, 40):
-        chart.step(value)
-    assert not chart.alarm
-
-
-@pytest.mark.parametrize("phi", [0.5, 0.8])
-def test_the_autocorrelation_of_a_short_reference_is_not_taken_for_less(phi):
-    """One standard error is added to an estimate without bias: more than three of four references lie above."""
-    series = autoregressive(stream(0, "short reference", phi), phi, 4000)
-    assert (Reference.of([next(series) for _ in range(100)]).autocorrelation >= phi).mean() > 0.75
+    generator, clear = stream(0, "long alarm"), []
+    reference = Reference.of(generator.normal(0, SPREAD, (300, 200)))
+    later = generator.normal(0, SPREAD, (200, 200))
+    for frames in (100, 1000):
+        chart = Chart(reference, FRAMES_BETWEEN_FALSE_ALARMS)
+        for values in generator.normal(5 * SPREAD, SPREAD, (frames, 200)):
+            chart.step(values)
+        assert chart.alarm.all()
+        for values in later:
+            chart.step(values)
+            clear.append(chart.alarm.mean())
+    np.testing.assert_allclose(clear[:200], clear[200:], atol=0.02)
+    assert clear[40] < 0.3 and clear[-1] == 0
 
 
 def test_a_single_leap_and_missing_values_raise_nothing():
@@ -102,7 +149,7 @@ def run(levels, name, spread=0.05):
 
 
 def test_slow_defocus_a_wet_lens_and_a_rising_temperature_raise_alarms_in_time():
-    """Delays in seconds; the benchmark ``change_point.py`` measures them through image formation and estimators."""
+    """Bounds of the delays in seconds."""
     calm = [(3.0, 0.6)] * (REFERENCE_FRAMES + 200)
     assert run(calm, "calm")[0] == []
     defocus = [(3.0, 0.6 * np.exp(-0.5 * t / 3000)) for t in range(3000)]  # half a neper in five minutes
