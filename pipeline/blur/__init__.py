@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from pipeline.blur.base import BlurEstimate, BlurEstimator
+from pipeline.plug_ins import created
 from pipeline.registry import Registry
 
 REGISTRY = Registry(
@@ -28,9 +29,9 @@ def create(name: str, **options: Any) -> BlurEstimator:
     """Make an estimator by its registered name, with its own options.
 
     Raises:
-        InputError: unknown name or option.
+        InputError: unknown name or option, or a class without what an estimator has.
     """
-    made: BlurEstimator = REGISTRY.create(name, **options)
+    made: BlurEstimator = created(REGISTRY, name, "estimate", options)
     return made
 
 

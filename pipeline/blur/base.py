@@ -10,11 +10,21 @@ from __future__ import annotations
 import copy
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, Self, runtime_checkable
+from typing import Any, ClassVar, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.answers import (
+    Answer,
+    WrongAnswer,
+    check_abstained,
+    check_answer,
+    check_array,
+    check_count,
+    check_interval,
+    check_range,
+)
 from pipeline.arrays import as_array
 from pipeline.camera.constants import FULL_SCALE_DN, RANGE_SLACK
 from pipeline.camera.mtf import BINS, CAMERA, SYSTEM
@@ -51,11 +61,12 @@ class HiddenUnits:
 
 
 @dataclass(frozen=True)
-class BlurEstimate:
+class BlurEstimate(Answer):
     """The answer for N patches.
 
     Attributes:
-        mtf: (N, 2, 8) in [0, 1]: horizontal then vertical, at the eight frequencies; NaN where abstained.
+        mtf: (N, 2, 8) in [0, 1]: horizontal then vertical, at the eight frequencies; NaN where abstained, and at a
+            frequency that is left out.
         abstained: (N,) bool.
         reason: (N,) str: why, "" where not abstained.
         kernel: (N, k, k) blur kernels with unit sum (NaN where abstained), for estimators that have one.
@@ -76,26 +87,33 @@ class BlurEstimate:
     members: Floats | None = None
     hidden: HiddenUnits | None = None
 
+    quantity: ClassVar[str] = "mtf"
+
     def __post_init__(self) -> None:
-        count = len(self.mtf)
-        shapes = {"mtf": (count, 2, FREQUENCIES), "abstained": (count,), "reason": (count,)}
-        shapes |= {name: (count, 2, FREQUENCIES) for name in ("low", "high", "half") if getattr(self, name) is not None}
-        for name, shape in shapes.items():
-            if getattr(self, name).shape != shape:
-                raise ValueError(f"BlurEstimate.{name}: shape {getattr(self, name).shape}, expected {shape}")
+        count = np.shape(self.mtf)[0] if np.ndim(self.mtf) else 0
+        curves = (count, 2, FREQUENCIES)
+        check_array("mtf", self.mtf, curves)
+        check_array("abstained", self.abstained, (count,), "b")
+        check_array("reason", self.reason, (count,), "OU")
+        for name in ("low", "high", "half"):
+            if (value := getattr(self, name)) is not None:
+                check_array(name, value, curves)
         if self.kernel is not None and (self.kernel.ndim != 3 or len(self.kernel) != count):
-            raise ValueError(f"BlurEstimate.kernel: shape {self.kernel.shape}, expected ({count}, k, k)")
+            raise WrongAnswer(f"kernel has shape {self.kernel.shape}, expected ({count}, k, k)")
         if self.members is not None and (self.members.shape[0] != count or self.members.shape[2:] != (2, FREQUENCIES)):
-            raise ValueError(
-                f"BlurEstimate.members: shape {self.members.shape}, expected ({count}, E, 2, {FREQUENCIES})"
-            )
+            raise WrongAnswer(f"members has shape {self.members.shape}, expected ({count}, E, 2, {FREQUENCIES})")
         if self.hidden is not None and (self.hidden.units.ndim != 3 or len(self.hidden.units) != count):
-            raise ValueError(f"BlurEstimate.hidden: units {self.hidden.units.shape}, expected ({count}, E, F)")
-        if not np.array_equal(np.isnan(self.mtf).all(axis=(1, 2)), self.abstained):
-            raise ValueError("BlurEstimate.mtf: NaN exactly where abstained")
+            raise WrongAnswer(f"hidden.units has shape {self.hidden.units.shape}, expected ({count}, E, F)")
+        check_abstained("mtf", np.asarray(np.isnan(self.mtf).all(axis=(1, 2))), self.abstained)
 
     def __len__(self) -> int:
         return len(self.mtf)
+
+    def check(self, count: int) -> None:
+        """See `pipeline.answers.Answer.check`; shapes and abstentions are checked when it is made."""
+        check_count(len(self), count)
+        check_range("mtf", self.mtf, 1.0)
+        check_interval("mtf", self.mtf, self.low, self.high)
 
     def half_width(self) -> NDArray[np.float64] | None:
         """`half`, or the larger side of the intervals where it is unknown; (N, 2, 8). None without intervals.
@@ -183,7 +201,7 @@ class Estimator(ABC):
         """The uncalibrated answer.
 
         Args:
-            patches: (N, 1, 192, 192) float32 in [0, 1], checked.
+            patches: (N, 1, 192, 192) float32 in [0, 1], checked; often the caller's own pixels.
             reason: (N,) "" or why a patch must be abstained from; the answer may add abstentions.
         """
 
@@ -197,10 +215,11 @@ class Estimator(ABC):
             the answer; flat and saturated patches are abstained from.
 
         Raises:
-            InputError: the patches are not as expected.
+            InputError: the patches are not as expected, or `measure` does not answer for them (`BlurEstimate.check`).
         """
         batch = as_patches(patches)
         result = self.measure(batch, unusable(batch))
+        check_answer(result, BlurEstimate.quantity, len(batch))
         if self.sharp_mtf is None:
             return result
         relative = {

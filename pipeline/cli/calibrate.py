@@ -129,6 +129,7 @@ def _from_scenes(
     import numpy as np
 
     from pipeline import blur
+    from pipeline.answers import asked
     from pipeline.blur.base import Estimator
     from pipeline.blur.camera_calibration import Calibration, CameraFittable, calibrate
     from pipeline.cli.camera_store import StoredCamera
@@ -144,7 +145,7 @@ def _from_scenes(
     hashes = blur_weights(blur_name)
     names, cuts, mtfs = [], [], []
     for (name, _), part in zip(frames, readable_patches([image for _, image in frames]), strict=True):
-        mtf = estimator.estimate(part).mtf
+        mtf = asked(f"blur estimator '{blur_name}'", estimator.estimate, part, "mtf").mtf
         answered = mtf[np.isfinite(mtf).all(axis=(1, 2))]
         if not len(answered):
             click.echo(

@@ -86,7 +86,9 @@ def command(
                 if image is None:
                     raise InputError(problem)
                 known = coding.or_by(codec or "")
-                state = noise_of_frame(method, image, tile_px, most_tiles, codec=known.codec, quantiser=known.quantiser)
+                state = noise_of_frame(
+                    method, image, tile_px, most_tiles, codec=known.codec, quantiser=known.quantiser, name=estimator
+                )
             except InputError as error:
                 set_aside.add(name, error)
                 continue

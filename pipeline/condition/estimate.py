@@ -12,6 +12,7 @@ import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from numbers import Integral
 from typing import Any, TypeVar
 
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline import blur, noise
+from pipeline.answers import WrongAnswer, asked, check_array
 from pipeline.blur.base import FREQUENCIES, PATCH_PX, BlurEstimate, Estimator, as_patches
 from pipeline.blur.camera_calibration import CalibratedEstimator, CameraFittable, calibrate
 from pipeline.camera.saturation import SATURATED
@@ -33,7 +35,7 @@ from pipeline.datasets.patches import Patch, cut, tiles
 from pipeline.datasets.selection import evenly_spread
 from pipeline.errors import InputError
 from pipeline.noise.base import COMPRESSED, FLAT, NoiseEstimate, NoiseEstimator, smallest_patch_px
-from pipeline.noise.maps import CellEstimator, pasted
+from pipeline.noise.maps import CELL_PX, CellEstimator, pasted
 
 Estimate = TypeVar("Estimate", BlurEstimate, NoiseEstimate)
 
@@ -206,7 +208,7 @@ class ConditionMonitor:
         labels = names or [f"sharp frame {number + 1} of {len(readable)}" for number in range(len(readable))]
         for label, part in zip(labels, readable, strict=True):
             if len(part):
-                _warn_of_blur(label, uncalibrated, part)
+                _warn_of_blur(label, uncalibrated, self.blur_name, part)
         if not fitted and isinstance(uncalibrated, Estimator) and not isinstance(uncalibrated, CameraFittable):
             self.blur_estimator = uncalibrated.divided(patches)
         elif fitted:
@@ -228,7 +230,8 @@ class ConditionMonitor:
             the condition; blur abstains with a frame smaller than 192 px.
 
         Raises:
-            InputError: not such a frame, or smaller than the noise estimator needs.
+            InputError: not such a frame, smaller than the noise estimator needs, or an estimator gives no answer
+                (`pipeline.answers.asked`).
         """
         picture = grey_frame(image)
         area = _area(picture, self.noise_estimator)
@@ -237,7 +240,7 @@ class ConditionMonitor:
         squares = shifted(frame_tiles(shape, PATCH_PX, self.most_patches), area) if large_enough else []
         small = shifted(frame_tiles(shape, self.tile_px, self.most_tiles), area)
         blurred = self._blur(cut(picture, squares), squares)
-        return Condition(blurred, _noise(self.noise_estimator, cut(picture, small), small, picture, codec, quantiser))
+        return Condition(blurred, self._noise(cut(picture, small), small, picture, codec, quantiser))
 
     def patches(self, patches: NDArray[np.floating]) -> Condition:
         """The condition of a set of patches, say of all objects in a frame.
@@ -249,19 +252,30 @@ class ConditionMonitor:
             the condition; grids have one row, places are 0.
 
         Raises:
-            InputError: the patches are not as expected.
+            InputError: the patches are not as expected, or an estimator gives no answer (`pipeline.answers.asked`).
         """
         stack = as_patches(patches)
         positions = [Patch(0, 0, PATCH_PX) for _ in range(len(stack))]
-        return Condition(self._blur(stack, positions), _noise(self.noise_estimator, stack, positions, None))
+        return Condition(self._blur(stack, positions), self._noise(stack, positions, None))
 
     def _blur(self, stack: NDArray[np.float32], squares: Sequence[Patch]) -> BlurState:
         start = time.perf_counter()
         if not squares:
             stack = np.empty((0, 1, PATCH_PX, PATCH_PX), np.float32)
-        result = _without(self.blur_estimator.estimate(stack), _unreadable(stack))
+        answer = asked(f"blur estimator '{self.blur_name}'", self.blur_estimator.estimate, stack, "mtf")
+        result = _without(answer, _unreadable(stack))
         taken = (time.perf_counter() - start) * 1e3
         return BlurState(squares, result, _grid(squares), summarise(result.mtf, result.low, result.high), taken)
+
+    def _noise(
+        self,
+        stack: NDArray[np.float32],
+        squares: Sequence[Patch],
+        picture: NDArray[np.float32] | None,
+        codec: str = "",
+        quantiser: int | None = None,
+    ) -> NoiseState:
+        return _noise(self.noise_estimator, self.noise_name, stack, squares, picture, codec, quantiser)
 
 
 def readable_patches(sharp_frames: Sequence[NDArray[np.floating]]) -> list[NDArray[np.float32]]:
@@ -295,6 +309,7 @@ def noise_of_frame(
     *,
     codec: str = "",
     quantiser: int | None = None,
+    name: str = "",
 ) -> NoiseState:
     """The noise of one frame alone, as `ConditionMonitor.frame` has it.
 
@@ -305,21 +320,24 @@ def noise_of_frame(
         most_tiles: of them.
         codec: see `ConditionMonitor.frame`.
         quantiser: see there.
+        name: of the estimator in messages; that of its class by default.
 
     Returns:
         the noise over the tiles inside bars beside the picture.
 
     Raises:
-        InputError: not such a frame, or smaller than the estimator needs.
+        InputError: not such a frame, smaller than the estimator needs, or no answer (`pipeline.answers.asked`).
     """
     picture = grey_frame(image)
     area = _area(picture, estimator)
     squares = shifted(frame_tiles(picture[area].shape, tile_px, most_tiles), area)
-    return _noise(estimator, cut(picture, squares), squares, picture, codec, quantiser)
+    known = name or type(estimator).__name__
+    return _noise(estimator, known, cut(picture, squares), squares, picture, codec, quantiser)
 
 
 def _noise(
     estimator: NoiseEstimator,
+    name: str,
     stack: NDArray[np.float32],
     squares: Sequence[Patch],
     picture: NDArray[np.float32] | None,
@@ -330,12 +348,13 @@ def _noise(
     start = time.perf_counter()
     grid = _grid(squares)
     lost = covered(stack)
+    called = f"noise estimator '{name}'"
     if picture is not None and isinstance(estimator, CellEstimator):
-        result, cells = estimator.estimate_cells(stack)
+        result, cells = asked(called, estimator.estimate_cells, stack, "sigma_dn", partial(_checked_cells, stack.shape))
         cells = np.where(lost[:, None, None], np.float32(np.nan), cells)
         whole: NDArray[np.floating] = pasted(cells, squares, (picture.shape[0], picture.shape[1]))
     else:
-        result = estimator.estimate(stack)
+        result = asked(called, estimator.estimate, stack, "sigma_dn")
         whole = np.where(lost, np.nan, result.sigma_dn).reshape(grid)
     result = _without(result, {COVERED_REASON: lost})
     taken = (time.perf_counter() - start) * 1e3
@@ -353,6 +372,14 @@ def _noise(
     return NoiseState(squares, result, grid, summary, whole, taken, at_most_dn(result, summary, coarse_dn))
 
 
+def _checked_cells(shape: tuple[int, ...], answered: object) -> object:
+    """The estimate out of what `estimate_cells` returned for patches of a shape (N, 1, h, w)."""
+    if not (isinstance(answered, tuple) and len(answered) == 2):
+        raise WrongAnswer(f"estimate_cells returned {type(answered).__name__}, expected a tuple: estimate and cells")
+    check_array("cells", answered[1], (shape[0], shape[2] // CELL_PX, shape[3] // CELL_PX))
+    return answered[0]
+
+
 def withheld(estimate: NoiseEstimate, hidden_dn: float) -> NoiseEstimate:
     """The estimate of a frame's tiles behind a codec that may hide noise: no answers, and bounds that allow for it."""
     masked = _without(estimate, {COMPRESSED: ~estimate.abstained})
@@ -366,9 +393,10 @@ def _whole_cover(frame: NDArray[np.float32]) -> NDArray[np.float32]:
     return cut(frame, shifted(tiles(frame[area].shape, PATCH_PX, "cover"), area))
 
 
-def _warn_of_blur(label: str, estimator: Any, patches: NDArray[np.float32]) -> None:
+def _warn_of_blur(label: str, estimator: Any, name: str, patches: NDArray[np.float32]) -> None:
     """Warn of a frame that was given as sharp and does not look it, by up to `DOUBTED_BY` of its patches."""
-    result = estimator.estimate(patches[evenly_spread(range(len(patches)), DOUBTED_BY)])
+    shown = patches[evenly_spread(range(len(patches)), DOUBTED_BY)]
+    result = asked(f"blur estimator '{name}'", estimator.estimate, shown, "mtf")
     doubt = unsharp(summarise(result.mtf, result.low, result.high).value)
     if doubt:
         warnings.warn(f"{label} {doubt}", stacklevel=3)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pipeline.plug_ins import created
 from pipeline.registry import Registry
 
 if TYPE_CHECKING:
@@ -49,11 +50,12 @@ def create(
         options: the policy's own, as in its class.
 
     Raises:
-        InputError: unknown name or option, or a missing surface.
+        InputError: unknown name or option, a missing surface, or a class without `decide`.
     """
     from pipeline.control.policy import ControlledCamera
 
-    policy: Policy = REGISTRY.create(name, camera=camera or ControlledCamera(), performance=performance, **options)
+    known = {"camera": camera or ControlledCamera(), "performance": performance}
+    policy: Policy = created(REGISTRY, name, "decide", known | options)
     return policy
 
 

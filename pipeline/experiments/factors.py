@@ -130,8 +130,8 @@ class _EstimatedOnce:
         self._last: tuple[NDArray[np.float32], BlurEstimate] | None = None
 
     def estimate(self, patches: NDArray[np.float32]) -> BlurEstimate:
-        if self._last is None or self._last[0] is not patches:
-            self._last = (patches, self.estimator.estimate(patches))
+        if self._last is None or not np.array_equal(self._last[0], patches):
+            self._last = (patches.copy(), self.estimator.estimate(patches))
         return self._last[1]
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.answers import asked
 from pipeline.blur.base import BlurEstimate
 from pipeline.camera import mtf
 from pipeline.camera.psf.kernel import Kernel
@@ -62,7 +63,8 @@ def picture(
         seed: root of the random streams.
     """
     pixels = cut(SharpFrame(frame, camera, seed).under(Condition(kernel)).image, [patch])
-    estimate = opened(estimator).estimate(pixels)
+    asking = opened(estimator)
+    estimate = asked(f"blur estimator '{type(asking).__name__}'", asking.estimate, pixels, "mtf")
     return Picture(kernel, to_8bit(pixels[0, 0]), estimate)
 
 

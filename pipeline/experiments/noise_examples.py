@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.answers import asked
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.processing import codec, temporal_noise
 from pipeline.datasets.pictures import read_grey8
@@ -120,7 +121,7 @@ def measure(example: Example, estimators: Mapping[str, NoiseEstimator]) -> pd.Da
     stack = patches(example.picture)[:, None].astype(np.float32) / np.float32(FULL_SCALE_DN)
     rows: list[dict[str, Any]] = []
     for name, estimator in estimators.items():
-        answer = estimator.estimate(stack)
+        answer = asked(f"noise estimator '{name}'", estimator.estimate, stack, "sigma_dn")
         reasons = pd.Series(answer.reason[answer.abstained]).value_counts().sort_index()
         answered = ~answer.abstained
 

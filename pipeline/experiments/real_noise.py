@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pipeline.answers import asked
 from pipeline.camera import emva1288
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.datasets.raw_frames import RawFrame
@@ -137,7 +138,8 @@ def _of_frame(
             "true_correlation": 0.0,
         }
         for name, estimator in estimators.items():
-            answer = estimator.estimate(patches[:, None].astype(np.float32) / np.float32(FULL_SCALE_DN * scale))
+            shown = patches[:, None].astype(np.float32) / np.float32(FULL_SCALE_DN * scale)
+            answer = asked(f"noise estimator '{name}'", estimator.estimate, shown, "sigma_dn")
             columns = real_noise.answer_columns(name, answer)
             in_dn = {column: values * scale for column, values in columns.items() if column.endswith("_dn")}
             parts.append(pd.DataFrame(truth | columns | in_dn))

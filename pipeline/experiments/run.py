@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pipeline.answers import asked
 from pipeline.camera import mtf
 from pipeline.camera.blur import blur
 from pipeline.camera.psf.defocus import create as disc
@@ -28,7 +29,6 @@ from pipeline.camera.saturation import saturated_fraction
 from pipeline.camera.settings import CameraSettings
 from pipeline.datasets.patches import Patch, cut
 from pipeline.datasets.selection import evenly_spread
-from pipeline.errors import InputError
 from pipeline.executor import run_map
 from pipeline.experiments.condition import Condition, CorruptedImage, Quantity, Subset
 from pipeline.experiments.corrupt import SharpFrame
@@ -88,7 +88,9 @@ class PreFilter:
         """(N,) which patches are filtered; where the noise is unknown, none is."""
         if self.noise_estimator is None:
             return np.ones(len(patches), dtype=np.bool_)
-        sigma_dn = opened(self.noise_estimator).estimate(patches).sigma_dn
+        estimator = opened(self.noise_estimator)
+        name = f"noise estimator '{type(estimator).__name__}' of the pre-filter"
+        sigma_dn = asked(name, estimator.estimate, patches, "sigma_dn").sigma_dn
         with np.errstate(invalid="ignore"):
             above: NDArray[np.bool_] = np.asarray(sigma_dn) >= self.from_sigma_dn
         return above
@@ -149,7 +151,8 @@ def run(
         `pipeline.experiments.tables.MEASUREMENTS`, in the order of frames, conditions, methods and patches.
 
     Raises:
-        InputError: an unknown estimator, option or noise source.
+        InputError: an unknown estimator, option or noise source, or no answer of an estimator
+            (`pipeline.answers.asked`).
     """
     import pandas as pd
 
@@ -214,30 +217,19 @@ def measure_frame(
         view = views[condition.noisy]
         for method in active:
             estimator = estimators[method.name]
-            _check_answer(method, view.estimate(estimator, method.quantity), len(view.patches[method.quantity]))
+            plain = view.estimate(method, estimator)
             about = {**_about(item.frame, condition), **_about_method(method, estimator)}
             if method.quantity == "sigma_dn":
-                rows.add(about, _noise_columns(view, view.estimate(estimator, "sigma_dn"), saturated["sigma_dn"]))
+                rows.add(about, _noise_columns(view, plain, saturated["sigma_dn"]))
                 continue
-            plain = view.estimate(estimator, "mtf")
             rows.add(about, _mtf_columns(view, plain, saturated["mtf"]))
             for filter_px in method.prefilter.filters_px if condition.noisy else ():
                 noisy, estimate = view.noisy(method.prefilter), plain
                 if noisy.any():
-                    estimate = _with_replaced(plain, view.estimate(estimator, "mtf", filter_px, noisy), noisy)
+                    estimate = _with_replaced(plain, view.estimate(method, estimator, filter_px, noisy), noisy)
                 columns = _mtf_columns(view, estimate, saturated["mtf"], noisy)
                 rows.add({**about, "filter_px": float(filter_px)}, columns)
     return rows.columns()
-
-
-def _check_answer(method: Method, answer: Any, patches: int) -> None:
-    """Refuse an answer without the quantity, or not for each of the patches: the tables would take it apart wrongly."""
-    kind = {"mtf": "pipeline.blur.base.BlurEstimate", "sigma_dn": "pipeline.noise.base.NoiseEstimate"}[method.quantity]
-    if not hasattr(answer, method.quantity):
-        raise InputError(f"estimator '{method.name}' returned {type(answer).__name__}, expected {kind}")
-    count = len(getattr(answer, method.quantity))
-    if count != patches:
-        raise InputError(f"estimator '{method.name}' answered for {count} of {patches} patches; expected all of them")
 
 
 def opened(estimator: Any) -> Any:
@@ -291,12 +283,13 @@ class _View:
 
     def estimate(
         self,
+        method: Method,
         estimator: Any,
-        quantity: Quantity,
         filter_px: float = 0.0,
         chosen: NDArray[np.bool_] | None = None,
     ) -> Any:
-        """An estimator's result; with a filter, for the chosen patches blurred by its disc."""
+        """What a method's estimator answers; with a filter, for the chosen patches blurred by its disc."""
+        quantity = method.quantity
         key = (id(estimator), quantity, filter_px, None if chosen is None else chosen.tobytes())
         if key not in self._estimates:
             from_sequences = getattr(estimator, "estimate_sequences", None)
@@ -306,7 +299,8 @@ class _View:
             if chosen is not None:
                 pixels = pixels[chosen]
                 pixels = blur(pixels.reshape(-1, 1, *pixels.shape[-2:]), disc(filter_px)).reshape(pixels.shape)
-            self._estimates[key] = (from_sequences or estimator.estimate)(pixels)
+            ask = from_sequences or estimator.estimate
+            self._estimates[key] = asked(f"estimator '{method.name}'", ask, pixels, quantity)
         return self._estimates[key]
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pipeline.plug_ins import created
 from pipeline.registry import Registry
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def create(name: str, **options: Any) -> NoiseEstimator:
         options: the estimator's own, as in its class.
 
     Raises:
-        InputError: unknown name or option, or an option out of range.
+        InputError: unknown name or option, an option out of range, or a class without what an estimator has.
     """
-    estimator: NoiseEstimator = REGISTRY.create(name, **options)
+    estimator: NoiseEstimator = created(REGISTRY, name, "estimate", options)
     return estimator

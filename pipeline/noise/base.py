@@ -14,6 +14,15 @@ from typing import TYPE_CHECKING, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.answers import (
+    Answer,
+    WrongAnswer,
+    check_abstained,
+    check_array,
+    check_count,
+    check_interval,
+    check_range,
+)
 from pipeline.arrays import as_array
 from pipeline.camera.constants import FULL_SCALE_DN, RANGE_SLACK
 from pipeline.camera.saturation import SATURATED, SATURATED_FRACTION, is_saturated
@@ -45,12 +54,15 @@ STREAKED = "streaked"
 SMALLEST_PATCH_PX = 16
 """Smallest height and width of a patch for estimators that state none."""
 
+REQUIRED = ("sigma_dn", "low_dn", "high_dn", "abstained", "reason")
+"""Parts that every `NoiseEstimate` has."""
+
 LEAST_SIGMA_DN = 1e-3
 """Smaller estimates are rounding of float32 images (1.5e-5 DN at white), not noise; they count as flat."""
 
 
 @dataclass(frozen=True)
-class NoiseEstimate:
+class NoiseEstimate(Answer):
     """Noise level of N patches.
 
     Attributes:
@@ -75,8 +87,22 @@ class NoiseEstimate:
     correlation: NDArray[np.float64] | None = None
     at_most_dn: NDArray[np.float64] | None = None
 
+    quantity: ClassVar[str] = "sigma_dn"
+
     def __len__(self) -> int:
         return len(self.sigma_dn)
+
+    def check(self, count: int) -> None:
+        """See `pipeline.answers.Answer.check`; sigma is a finite number of at least 0, or abstained from."""
+        check_count(np.size(self.sigma_dn), count)
+        kinds = {"abstained": "b", "reason": "OU"}
+        for part in fields(self):
+            value = getattr(self, part.name)
+            if value is not None or part.name in REQUIRED:
+                check_array(part.name, value, (count,), kinds.get(part.name, "fiu"))
+        check_abstained("sigma_dn", np.isnan(self.sigma_dn), self.abstained)
+        check_range("sigma_dn", self.sigma_dn, np.inf)
+        check_interval("sigma_dn", self.sigma_dn, self.low_dn, self.high_dn)
 
 
 @dataclass(frozen=True)
@@ -196,18 +222,14 @@ def check_measured(measured: Measured, count: int) -> None:
         count: of the patches that it was given.
 
     Raises:
-        InputError: it is no `Measured`, or a field has another shape than (count,).
+        WrongAnswer: it is no `Measured`, or a field is no array of (count,) numbers.
     """
     if not isinstance(measured, Measured):
-        raise InputError(
-            f"noise estimator: measure returned {type(measured).__name__}, expected pipeline.noise.base.Measured"
-        )
+        raise WrongAnswer(f"measure returned {type(measured).__name__}, expected pipeline.noise.base.Measured")
     for part in fields(measured):
         value = getattr(measured, part.name)
-        if value is not None and np.shape(value) != (count,):
-            raise InputError(
-                f"noise estimator: {part.name} has shape {np.shape(value)}, expected ({count},): one number a patch"
-            )
+        if value is not None or part.name == "sigma_dn":
+            check_array(part.name, value, (count,))
 
 
 def assemble(measured: Measured, reason: NDArray[np.object_]) -> NoiseEstimate:
@@ -279,13 +301,13 @@ class Estimator(ABC):
         quantise_like_paper: report whole DN (truncated) and never abstain (0 instead), as the authors' programs do.
 
     Attributes:
-        min_size_px: smallest height and width of a patch.
+        min_size_px: smallest height and width of a patch; of a subclass that states none, 16.
 
     Raises:
         InputError: a fraction out of range.
     """
 
-    min_size_px: ClassVar[int]
+    min_size_px: ClassVar[int] = SMALLEST_PATCH_PX
 
     def __init__(self, saturated_fraction: float = SATURATED_FRACTION, *, quantise_like_paper: bool = False) -> None:
         self.saturated_fraction = check_fraction("saturated_fraction", saturated_fraction)
@@ -296,7 +318,8 @@ class Estimator(ABC):
         """Raw noise levels.
 
         Args:
-            stack: (N, H, W) float32 or float64 in [0, 1], checked, at least `min_size_px` high and wide.
+            stack: (N, H, W) float32 or float64 in [0, 1], checked, at least `min_size_px` high and wide; often a view
+                of the caller's pixels.
             reason: (N,) why a patch is abstained from whatever its estimate, "" where there is no reason; the
                 estimator may write reasons of its own into it.
 

@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.answers import asked
 from pipeline.cluster_intervals import cluster_mean
 from pipeline.datasets.pictures import SUFFIXES, read_grey8
 from pipeline.errors import InputError
@@ -184,7 +185,10 @@ def measure(pair: Pair, estimators: Mapping[str, NoiseEstimator], tile_px: int =
     photograph, reference = (tiles(picture)[:, None].astype(np.float32) / np.float32(255) for picture in (real, mean))
     tables = []
     for name, estimator in estimators.items():
-        answer, of_mean = estimator.estimate(photograph), estimator.estimate(reference)
+        answer, of_mean = (
+            asked(f"noise estimator '{name}'", estimator.estimate, shown, "sigma_dn")
+            for shown in (photograph, reference)
+        )
         columns = answer_columns(name, answer) | {
             "mean_picture_sigma_dn": of_mean.sigma_dn,
             "mean_picture_reason": of_mean.reason,

@@ -133,10 +133,25 @@ def test_wrong_patches_are_refused_by_name(wrong, message):
 
 def test_an_answer_is_nan_exactly_where_abstained():
     mtf = np.full((2, 2, 8), 0.5)
-    with pytest.raises(ValueError, match="NaN exactly where abstained"):
+    with pytest.raises(InputError, match="NaN exactly where abstained"):
         BlurEstimate(mtf, np.array([True, False]), np.array(["flat", ""]))
-    with pytest.raises(ValueError, match="kernel"):
+    with pytest.raises(InputError, match="kernel"):
         BlurEstimate(mtf, np.zeros(2, bool), np.array(["", ""]), kernel=np.ones((3, 31, 31)))
+
+
+def test_an_mtf_outside_its_range_is_refused_before_a_calibration_would_cut_it_off():
+    class Gain(Brightness):
+        """Seven times the right MTF."""
+
+        def measure(self, patches, reason):
+            right = super().measure(patches, reason)
+            return BlurEstimate(7 * right.mtf, right.abstained, right.reason)
+
+    patches = 0.3 + 0.1 * stream(1, "outside").random((2, 1, 192, 192)).astype(np.float32)
+    gain = Gain()
+    gain.sharp_mtf = np.ones((2, FREQUENCIES))
+    with pytest.raises(InputError, match="mtf of patch 0 is 2.4[0-9]*, expected 0 to 1"):
+        gain.estimate(patches)
 
 
 @pytest.mark.parametrize("name", ["pmp", "gbb"])

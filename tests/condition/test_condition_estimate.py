@@ -9,6 +9,8 @@ from data_makers import picture
 from scipy.ndimage import gaussian_filter1d
 from test_condition_coarse_grain import enlarged, scene
 
+from pipeline import noise
+from pipeline.blur.base import BlurEstimate, Estimator
 from pipeline.camera import mtf
 from pipeline.camera.corruption import corrupt
 from pipeline.camera.processing.codec import Codec, store
@@ -16,9 +18,10 @@ from pipeline.camera.psf import create
 from pipeline.condition import ConditionMonitor, estimate, noise_of_frame
 from pipeline.condition.coarse_grain import most_coarse_noise_dn
 from pipeline.condition.estimate import readable_patches
+from pipeline.datasets.patches import cut, tiles
 from pipeline.datasets.pictures import read_grey8
 from pipeline.errors import InputError
-from pipeline.noise.base import FLAT, UNCERTAIN, NoiseEstimate
+from pipeline.noise.base import FLAT, REQUIRED, UNCERTAIN, NoiseEstimate
 from pipeline.streams import stream
 
 
@@ -313,3 +316,74 @@ def test_patches_of_a_calibration_lie_inside_the_bars_beside_a_picture():
     barred[80:-80] = sharp
     (inside,), (alone,) = readable_patches([barred]), readable_patches([sharp])
     assert len(alone) and np.array_equal(inside, alone)
+
+
+class Doubled(Estimator):
+    """MTF of one half; spoils the pixels that it is given, and may answer for the first patch only."""
+
+    def __init__(self, few=False):
+        self.few = few
+
+    def measure(self, patches, reason):
+        patches[:] = 0.5
+        count = 1 if self.few else len(patches)
+        return BlurEstimate(np.full((count, 2, 8), 0.5), np.zeros(count, bool), np.full(count, ""))
+
+
+class InPlace:
+    """The default noise estimate of pixels that are flat afterwards; may answer for the first patch only."""
+
+    def __init__(self, few=False):
+        self.few = few
+
+    def estimate(self, patches):
+        answer = noise.create(noise.DEFAULT).estimate(patches)
+        patches[:] = 0.5
+        if not self.few:
+            return answer
+        first = slice(0, 1)
+        return NoiseEstimate(*(getattr(answer, part)[first] for part in REQUIRED))
+
+
+def test_estimators_that_work_in_place_change_nothing_else_of_a_frame():
+    noisy = seen(frame(), 8.0)
+    kept = noisy.copy()
+    untouched, both = ConditionMonitor(), ConditionMonitor()
+    both.blur_estimator, both.noise_estimator = Doubled(), InPlace()
+    expected, answered = untouched.frame(noisy).noise, both.frame(noisy)
+    assert answered.sigma_dn.value == expected.summary.value
+    assert answered.noise.at_most_dn == expected.at_most_dn
+    assert answered.blur.estimate.abstained.sum() < len(answered.blur.estimate)  # of structure that is still there
+    patches = cut(noisy, tiles(noisy.shape, 192, "cover"))
+    both.patches(patches)
+    assert np.array_equal(patches, cut(noisy, tiles(noisy.shape, 192, "cover"))) and np.array_equal(noisy, kept)
+
+
+def test_an_answer_for_one_patch_of_several_is_refused_by_the_estimators_name():
+    noisy = seen(frame(), 8.0)
+    monitor = ConditionMonitor()
+    monitor.noise_estimator = InPlace(few=True)
+    with pytest.raises(InputError, match="^noise estimator 'adaptive': answered for 1 of 20 patches"):
+        monitor.frame(noisy)
+    monitor.blur_estimator = Doubled(few=True)
+    with pytest.raises(InputError, match="^blur estimator 'spectral': answered for 1 of"):
+        monitor.frame(noisy)
+    with pytest.raises(InputError, match="^blur estimator 'spectral': answered for 1 of"):
+        monitor.calibrate([noisy])
+    with pytest.raises(InputError, match="^noise estimator 'InPlace': answered for 1 of"):
+        noise_of_frame(InPlace(few=True), noisy)
+
+
+@pytest.mark.parametrize(
+    ("cells", "words"),
+    [(None, "estimate_cells returned NoiseEstimate, expected a tuple"),
+     (np.zeros((6, 4, 4), np.float32), r"cells has shape \(6, 4, 4\), expected \(6, 16, 16\)")],
+)  # fmt: skip
+def test_cells_that_are_none_of_the_patches_are_refused(cells, words):
+    class OtherCells(FewAnswer):
+        def estimate_cells(self, patches):
+            answer = super().estimate_cells(patches)[0]
+            return answer if cells is None else (answer, cells)
+
+    with pytest.raises(InputError, match=f"noise estimator 'OtherCells': {words}"):
+        noise_of_frame(OtherCells(), frame(width_px=384, height_px=256))

@@ -24,6 +24,7 @@ from pipeline.experiments.metrics import combined_metrics
 from pipeline.experiments.run import Method, PreFilter, Registered, run
 from pipeline.experiments.summarise import MTF_CELL, mtf_cells
 from pipeline.experiments.tables import CHANGES, NOISE_READ, rounded, written
+from pipeline.noise.base import NoiseEstimate
 from pipeline.streams import stream
 
 
@@ -46,11 +47,17 @@ def test_level_zero_is_one_image_for_all_pairs(measurements):
     assert one == other and len(one) > 0
 
 
+def answer_of(sigma_dn):
+    """An answer without intervals."""
+    count, unknown = len(sigma_dn), np.full(len(sigma_dn), np.nan)
+    return NoiseEstimate(sigma_dn, unknown, unknown, np.zeros(count, bool), np.full(count, "", object))
+
+
 class Ramp:
     """Estimates noise by a patch's number: the first is quiet, the others are noisy."""
 
     def estimate(self, patches):
-        return type("Estimate", (), {"sigma_dn": np.arange(len(patches)) * 10.0})
+        return answer_of(np.arange(len(patches)) * 10.0)
 
 
 def test_the_prefilter_is_that_of_the_denoised_estimator(frame, patches):
@@ -252,7 +259,7 @@ def test_two_prefilters_of_one_estimator_are_told_apart(frame, patches):
         """The other way round: the last patch is quiet."""
 
         def estimate(self, patches):
-            return type("Estimate", (), {"sigma_dn": np.arange(len(patches))[::-1] * 10.0})
+            return answer_of(np.arange(len(patches))[::-1] * 10.0)
 
     shared = Contrast()
     methods = [

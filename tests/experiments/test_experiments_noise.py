@@ -36,6 +36,23 @@ def rows(frames):
     return run(frames, grid([sharp_kernel()], SOURCES, LEVELS), [method])
 
 
+class Windowed:
+    """Measures behind a window that it multiplies the given pixels by."""
+
+    def estimate(self, patches):
+        patches *= np.hanning(patches.shape[-1]).astype(patches.dtype)
+        return estimators.create("pca").estimate(patches)
+
+
+def test_an_estimator_that_works_in_place_does_not_change_those_beside_it(frames, rows):
+    windowed = Method("windowed", "sigma_dn", Windowed())
+    pca = Method("pca", "sigma_dn", Registered(estimators.create, "pca"))
+    both = run(frames, grid([sharp_kernel()], SOURCES, LEVELS), [windowed, pca])
+    beside = both[both["estimator"] == "pca"].reset_index(drop=True)
+    assert beside["estimate"].equals(rows["estimate"])
+    assert not both.loc[both["estimator"] == "windowed", "estimate"].reset_index(drop=True).equals(rows["estimate"])
+
+
 def test_every_tile_of_every_cell_is_there(rows):
     assert len(rows) == 2 * 2 * 6
     assert rows.groupby(["noise_source", "target_sigma_dn"]).size().eq(6).all()

@@ -175,9 +175,9 @@ def estimate_of(count):
     [
         ({}, 2, "estimators: expected at least one"),
         ({"mine": Answers(estimate_of)}, 0, "frames: expected at least one"),
-        ({"mine": Answers(lambda count: estimate_of(count - 1))}, 2, "estimator 'mine' answered for 0 of 1 patches"),
-        ({"mine": Answers(lambda count: np.ones((count, 2, 8)))}, 2, "estimator 'mine' returned ndarray, expected"),
-        ({"mine": Answers(lambda count: None)}, 2, "estimator 'mine' returned NoneType, expected .*BlurEstimate"),
+        ({"mine": Answers(lambda count: estimate_of(count - 1))}, 2, "estimator 'mine': answered for 0 of 1 patches"),
+        ({"mine": Answers(lambda count: np.ones((count, 2, 8)))}, 2, "estimator 'mine': returned ndarray, expected"),
+        ({"mine": Answers(lambda count: None)}, 2, "estimator 'mine': returned NoneType, expected .*BlurEstimate"),
     ],
 )
 def test_what_cannot_become_a_table_is_named(work, estimators, count, words):

@@ -204,6 +204,17 @@ def test_a_subclass_only_measures():
         Deviation(saturated_fraction=0.0)
 
 
+def test_a_subclass_that_states_no_least_size_takes_patches_of_16_px():
+    class Unstated(Estimator):
+        def measure(self, stack, reason):
+            return Measured(np.full(len(stack), 5.0))
+
+    patches = noisy(smooth_textures(2, 30.0), 5.0)
+    assert not Unstated().estimate(patches[..., :16, :16]).abstained.any()
+    with pytest.raises(InputError, match="at least 16 x 16 px"):
+        Unstated().estimate(patches[..., :15])
+
+
 def test_the_bound_is_known_where_a_codec_hides_the_noise_and_nowhere_else_without_an_estimate() -> None:
     four = np.full(4, 4.0)
     reason = np.array(["", COMPRESSED, UNCERTAIN, FLAT], dtype=object)
@@ -233,6 +244,8 @@ class OneForAll(Estimator):
     def measure(self, stack, reason):  # type: ignore[no-untyped-def]
         if self.name == "array":
             return np.full(len(stack), 5.0)
+        if self.name == "text":
+            return Measured(np.full(len(stack), "a"))
         fields = dict.fromkeys(("sigma_dn", "low_dn", "high_dn"), np.full(len(stack), 5.0))
         return Measured(**{**fields, self.name: np.array([5.0])})
 
@@ -244,6 +257,7 @@ class OneForAll(Estimator):
         ("sigma_dn", r"sigma_dn has shape \(1,\), expected \(4,\)"),
         ("low_dn", r"low_dn has shape \(1,\), expected \(4,\)"),
         ("white_sigma_dn", r"white_sigma_dn has shape \(1,\), expected \(4,\)"),
+        ("text", "sigma_dn has the data type <U1, expected numbers"),
         ("array", "returned ndarray, expected pipeline.noise.base.Measured"),
     ],
 )
