@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pipeline.control.decision import Decision
 from pipeline.control.driver import Driver
 from pipeline.control.observation import observe
-from pipeline.control.policy import Policy
+from pipeline.control.policy import Policy, decided
 from pipeline.control.state import CameraState
 from pipeline.errors import InputError
 
@@ -47,10 +47,10 @@ class Controller:
             state: settings it was taken with.
 
         Raises:
-            InputError: not such a frame.
+            InputError: not such a frame, or the policy decides on settings that its camera cannot have.
         """
         observation = observe(frame, self.monitor if self.policy.uses_estimates else None)
-        return self.policy.decide(observation, state)
+        return decided(self.policy, observation, state, self.policy.limits)
 
     def run(self, driver: Driver, frames: int) -> Iterator[Decision]:
         """Control a camera for some frames.

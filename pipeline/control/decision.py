@@ -27,7 +27,7 @@ class Decision:
     """Settings for the next frame.
 
     Attributes:
-        state: the settings, inside the camera's limits.
+        state: the settings, inside the camera's limits and on its steps, or those of the frame kept.
         action: what kind of decision it is.
         reason: one sentence.
         ap_percent: average precision expected with these settings; NaN where the policy has no surface, the frame no

@@ -28,7 +28,7 @@ from pipeline.control.measured_surface import monitor
 from pipeline.control.motion import CYCLES_PER_PX
 from pipeline.control.observation import Estimate, Observation, Outcome, abstention_reason, brightness, estimates
 from pipeline.control.performance import Performance
-from pipeline.control.policy import ControlledCamera, Policy
+from pipeline.control.policy import ControlledCamera, Policy, decided
 from pipeline.control.scenario import Scenario
 from pipeline.control.state import CameraState, DelayLine
 from pipeline.control.views import View, radiance_at, with_sun
@@ -310,6 +310,9 @@ def run(
 
     Returns:
         one record per step.
+
+    Raises:
+        InputError: the policy decides on settings that the camera cannot have.
     """
     scene = SimulatedScene(rig, scenario, views)
     limits = replace(rig.controlled.limits, delay_frames=scenario.delay_frames)
@@ -368,7 +371,7 @@ class _Taken:
 def _oracle_step(policy: Policy, scene: SimulatedScene, lead: View, step: int, state: CameraState) -> _Taken:
     """The ceiling has no delay: it chooses the settings of this very frame."""
     blank = Observation(np.zeros((1, 1), np.float32), 0.0, 0.0, truth=scene.truth(lead, step))
-    decision = policy.decide(blank, state)
+    decision = decided(policy, blank, state, scene.rig.controlled.limits)
     frame = scene.expose(lead, step, decision.state, keep=True)
     return _Taken(decision.state, frame, brightness(frame.image).mean_level, decision)
 
@@ -382,4 +385,5 @@ def _policy_step(policy: Policy, scene: SimulatedScene, lead: View, step: int, s
     if policy.uses_estimates:
         sigma, mtf, reason = scene.estimates(lead, step, state, frame)
     observation = Observation(image, *brightness(image), sigma, mtf, reason)
-    return _Taken(state, frame, observation.mean_level, policy.decide(observation, state), sigma, mtf)
+    decision = decided(policy, observation, state, scene.rig.controlled.limits)
+    return _Taken(state, frame, observation.mean_level, decision, sigma, mtf)

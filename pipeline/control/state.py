@@ -126,6 +126,11 @@ class Limits:
             factor = self.gain_min * 10.0 ** (min(decibels, most) * self.gain_step_db / 20.0)
         return CameraState(time, factor)
 
+    def accepts(self, state: CameraState) -> bool:
+        """Whether the camera can have settings: inside the ranges and on the steps, but for rounding."""
+        nearest = self.nearest(state.exposure_s, state.gain)
+        return math.isclose(state.exposure_s, nearest.exposure_s) and math.isclose(state.gain, nearest.gain)
+
     def at_time(self, total_exposure_s: float, exposure_s: float) -> CameraState:
         """Settings of a total exposure at (about) an exposure time; time gives way where the gain's range ends."""
         first = self.nearest(exposure_s, total_exposure_s / exposure_s)

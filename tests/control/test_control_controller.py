@@ -12,7 +12,8 @@ from control_makers import CAMERA, Scene, performance
 
 from pipeline import control
 from pipeline.condition import ConditionMonitor
-from pipeline.control.policy import ControlledCamera
+from pipeline.control.decision import Action, Decision
+from pipeline.control.policy import ControlledCamera, Policy
 from pipeline.control.state import CameraState, DelayLine, Limits
 from pipeline.errors import InputError
 from pipeline.streams import stream
@@ -149,3 +150,59 @@ def test_example_states_the_settings_of_each_frame_of_a_camera_that_follows_late
         driver.apply(policy.decide(scene.observe(driver.capture_device.taken), driver.settings()).state)
         levels.append(float(frame.mean()))
     assert max(levels) < 0.65 and levels[-1] == pytest.approx(0.5, abs=0.1)
+
+
+class Given(Policy):
+    """Answers with what it was given."""
+
+    def __init__(self, answer, camera=CAMERA):
+        super().__init__(camera)
+        self.answer = answer
+
+    def decide(self, observation, state):
+        return self.answer
+
+
+FRAME = np.full((64, 64), 0.5, np.float32)
+STEPPED = Limits(exposure_steps_per_stop=6, gain_step_db=1.0)
+
+
+def decision(exposure_ms, iso):
+    return Decision(CameraState.of(exposure_ms, iso), Action.MOVE, "")
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        (None, "policy 'Given': decide returned NoneType, expected pipeline.control.decision.Decision"),
+        ((0.008, 1.0), "decide returned tuple"),
+        (Decision((0.008, 1.0), Action.MOVE, ""), "with a CameraState"),
+        (decision(5000, 100), "decided on 5000 ms at ISO 100, .*here 33 ms at ISO 100; self.limits.nearest"),
+        (decision(0.01, 100), "here 0.05 ms at ISO 100"),
+        (decision(8, 50), "here 8 ms at ISO 100"),
+        (decision(8, 6400), "here 8 ms at ISO 3200"),
+    ],
+)
+def test_a_decision_that_the_camera_cannot_carry_out_is_refused(answer, words):
+    driver = SceneCamera(Scene(), CameraState.of(8, 100))
+    with pytest.raises(InputError, match=words):
+        next(control.Controller(Given(answer)).run(driver, 1))
+    assert not driver.applied
+
+
+def test_a_decision_between_the_steps_of_a_camera_is_refused():
+    camera = ControlledCamera(STEPPED)
+    on = Decision(STEPPED.nearest(0.01, 2.0), Action.MOVE, "")
+    assert control.Controller(Given(on, camera)).step(FRAME, CameraState.of(8, 100)) is on
+    between = Decision(CameraState(on.state.exposure_s * 2 ** (1 / 12), on.state.gain), Action.MOVE, "")
+    with pytest.raises(InputError, match="on its steps"):
+        control.Controller(Given(between, camera)).step(FRAME, CameraState.of(8, 100))
+
+
+def test_settings_of_a_frame_outside_the_limits_may_be_kept_and_not_exceeded():
+    """A driver may report settings that the limits given do not have, rounded from frame to frame."""
+    outside = CameraState.of(40, 100)
+    for kept in (outside, CameraState.of(39.99, 100)):
+        assert control.Controller(Given(Decision(kept, Action.HOLD, ""))).step(FRAME, outside).state == kept
+    with pytest.raises(InputError, match="cannot have"):
+        control.Controller(Given(decision(41, 100))).step(FRAME, outside)

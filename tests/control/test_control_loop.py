@@ -11,10 +11,11 @@ from control_makers import CAMERA, make_views, performance, seen_mtf
 
 from pipeline.camera.exposure import Camera
 from pipeline.control import evaluation
-from pipeline.control.decision import Action
+from pipeline.control.decision import Action, Decision
 from pipeline.control.loop import Rig, SimulatedScene, _misjudged, make_policy, run
 from pipeline.control.motion import motion_length
 from pipeline.control.observation import Estimate
+from pipeline.control.policy import Policy
 from pipeline.control.scenario import EstimatorFault, Flicker, Scenario
 from pipeline.control.scoring import EvaluationCriteria, Score
 from pipeline.control.state import CameraState
@@ -282,3 +283,16 @@ def test_a_misjudged_motion_is_that_many_times_as_long(factor):
     exact = Estimate(*(part / seen_mtf(0.0).value for part in seen_mtf(10.0)))  # of a camera without blur of its own
     length = motion_length(_misjudged(exact, factor), np.ones((2, 8))).value_px
     assert length == pytest.approx(10 * factor, rel=0.1)
+
+
+def test_loop_refuses_settings_that_the_camera_cannot_have(seen):
+    class Long(Policy):
+        def decide(self, observation, state):
+            return Decision(CameraState.of(5000, 100), Action.MOVE, "")
+
+    class LongByTruth(Long):
+        sees_truth = True
+
+    for policy in (Long(CAMERA), LongByTruth(CAMERA)):
+        with pytest.raises(InputError, match=f"policy '{type(policy).__name__}': decided on 5000 ms"):
+            run(policy, rig(), scenario(), seen)
