@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import astuple
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.store import file_sha256
@@ -22,16 +23,27 @@ def content_of(frames: Sequence[Frame]) -> dict[str, dict[str, Any]]:
 
     Returns:
         name of a frame -> ``picture``, ``previous`` (its preceding pictures, oldest first) and ``labels`` (of its boxes
-        as they are read: every field of `pipeline.datasets.frame.Box`).
-
-    Raises:
-        OSError: a picture cannot be read.
+        as they are read: every field of `pipeline.datasets.frame.Box`). A file that cannot be read has the reason in
+        place of its hash: what opens it refuses it.
     """
     return {
         frame.name: {
-            "picture": file_sha256(frame.path),
-            "previous": [file_sha256(path) for path in frame.previous],
-            "labels": hashlib.sha256(json.dumps([astuple(box) for box in frame.boxes]).encode()).hexdigest(),
+            "picture": _hash(frame.path),
+            "previous": [_hash(path) for path in frame.previous],
+            "labels": _labels_hash(frame),
         }
         for frame in frames
     }
+
+
+def _hash(path: Path) -> str:
+    try:
+        return file_sha256(path)
+    except OSError as error:
+        return f"not readable: {error.strerror}"
+
+
+def _labels_hash(frame: Frame) -> str:
+    rows = [astuple(box) for box in frame.boxes]
+    # Readers of third parties may give numbers of NumPy, which JSON does not know.
+    return hashlib.sha256(json.dumps(rows, default=str).encode()).hexdigest()

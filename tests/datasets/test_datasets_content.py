@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from pipeline.datasets.content import content_of
@@ -43,3 +45,13 @@ def test_pictures_and_earlier_pictures_count(frame: Frame) -> None:
     after = content_of([frame])["000001"]
     assert before["previous"][0] == middle["previous"][0] and before["previous"][1] != middle["previous"][1]
     assert before["picture"] == middle["picture"] != after["picture"]
+
+
+def test_numbers_of_numpy_and_absent_files_are_taken(frame: Frame) -> None:
+    corners: list[Any] = [np.float32(10.0), np.float32(10.5)]  # as a third party's reader may give them
+    boxes = [replace(frame.boxes[0], x1=corner) for corner in corners]
+    first = content_of([replace(frame, boxes=(boxes[0],))])["000001"]
+    frame.previous[0].unlink()
+    second = content_of([replace(frame, boxes=(boxes[1],))])["000001"]
+    assert first["labels"] != second["labels"]
+    assert second["previous"][0] == "not readable: No such file or directory"
