@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
+
+from pipeline.detection.base import Detections, each_image
 
 SPOTS = """
 import numpy as np
@@ -20,6 +24,16 @@ class Spots:
         return [Detections.of([corners], [0.9], ["car"]) for _ in each_image(images)]
 """
 """A detector without weights."""
+
+
+class Darkening:
+    """A detector that halves the image it is given, in place, and whose score is the mean of what it was given."""
+
+    def detect(self, images: list[NDArray[np.floating]]) -> list[Detections]:
+        (picture,) = each_image(images)
+        mean = float(picture.mean())
+        picture /= 2
+        return [Detections.of([[0, 0, 9, 9]], [mean], ["car"])]
 
 
 def plug_in(folder: Path, monkeypatch: pytest.MonkeyPatch, module: str, text: str, **points: str) -> Path:

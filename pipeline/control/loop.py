@@ -33,6 +33,7 @@ from pipeline.control.scenario import Scenario
 from pipeline.control.state import CameraState, DelayLine
 from pipeline.control.views import View, radiance_at, with_sun
 from pipeline.detection import opened
+from pipeline.detection.inference import detections_in
 from pipeline.store import read_arrays, write_arrays
 
 Arrays = dict[str, NDArray[Any]]
@@ -203,7 +204,8 @@ class SimulatedScene:
 
         def make() -> Arrays:
             image = (frame or self.expose(view, step, state)).image
-            detected = opened(self.rig.detector, self.rig.detector_options).detect([image])[0]
+            detector = opened(self.rig.detector, self.rig.detector_options)
+            detected = detections_in(detector, image, self.rig.detector)
             selected = detected.best(self.rig.max_detections)
             return {
                 "boxes": selected.boxes.reshape(-1, 4),

@@ -29,6 +29,7 @@ from pipeline.curves.cells import Cells
 from pipeline.curves.surface import Surface
 from pipeline.detection import opened
 from pipeline.detection.base import Detections
+from pipeline.detection.inference import detections_in
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
@@ -182,7 +183,7 @@ def measure(
             light=shared.light / gain, motion=Motion(size / design.exposure_s),
         )  # fmt: skip
         truth[number] = frame.sigma_dn
-        selected = detector.detect([frame.image])[0].best(max_detections)
+        selected = detections_in(detector, frame.image, kind).best(max_detections)
         parts.append((np.full(len(selected), number), selected.boxes, selected.score, selected.label))
         if estimate:
             condition = monitor().frame(frame.image)

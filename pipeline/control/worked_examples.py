@@ -29,6 +29,7 @@ from pipeline.control.tables import CONTROLLER_AP, EXAMPLE_STEPS, RESPONSE
 from pipeline.control.views import View
 from pipeline.detection import opened
 from pipeline.detection.base import Detections
+from pipeline.detection.inference import detections_in
 from pipeline.detection.matching import overlaps
 from pipeline.streams import stream
 
@@ -132,7 +133,7 @@ def measure(
             radiance, shot.state.exposure_s, shot.state.gain, noise_generator(seed, "examples", view.name),
             light=light, motion=Motion(shot.speed_px_s),
         )  # fmt: skip
-        detected = opened(kind, options).detect([frame.image])[0]
+        detected = detections_in(opened(kind, options), frame.image, kind)
         sigma, mtf = estimates(monitor().frame(frame.image))
         results.append(
             {

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.detection import REGISTRY, opened
+from pipeline.detection.inference import detections_in
 from pipeline.errors import InputError
 from pipeline.experiments.condition import Condition
 from pipeline.experiments.corrupt import SharpFrame
@@ -102,7 +103,8 @@ class Sweep:
         parts: list[tuple[NDArray[Any], ...]] = []
         sharp = SharpFrame(frame, self.camera, self.seed)
         for number, level in enumerate(self.target_sigmas_dn):
-            result = detector.detect([sharp.under(Condition(kernel, self.noise_source, float(level))).image])[0]
+            image = sharp.under(Condition(kernel, self.noise_source, float(level))).image
+            result = detections_in(detector, image, self.kind)
             result = result.where(np.isin(result.label, self.classes)).best(self.max_detections)
             parts.append((np.full(len(result), number), result.boxes, result.score, result.label))
         numbers, boxes, score, label = (np.concatenate(column) for column in zip(*parts, strict=True))

@@ -26,6 +26,7 @@ from pipeline.datasets.selection import scene_of
 from pipeline.detection.average_precision import MeanResult, evaluate, mean_over_classes
 from pipeline.detection.base import Detections
 from pipeline.detection.classes import ClassMap
+from pipeline.detection.inference import detections_in
 from pipeline.experiments.intervals import frame_interval, median
 from pipeline.store import Schema
 from pipeline.streams import stream
@@ -129,7 +130,7 @@ def measure(
         )  # fmt: skip
         condition = monitor.frame(made.image)
         truth = system if kernel is None else system * mtf_of.sample(kernel)
-        detected = detector.detect([made.image])[0]
+        detected = detections_in(detector, made.image, kind)
         entries.append(
             {
                 "clipped_sigma_dn": made.clipped_sigma_dn,

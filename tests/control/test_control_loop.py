@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -20,6 +21,7 @@ from pipeline.control.scenario import EstimatorFault, Flicker, Scenario
 from pipeline.control.scoring import EvaluationCriteria, Score
 from pipeline.control.state import CameraState
 from pipeline.control.views import View, folds, views, with_sun
+from pipeline.detection.base import Detections
 from pipeline.errors import InputError
 
 
@@ -104,6 +106,14 @@ def test_loop_a_failed_detector_leaves_the_state_defined(seen, monkeypatch, name
     assert [record.decision.state for record in without] == [record.decision.state for record in with_detections]
     table = evaluation.steps_table(drive, name, 0, without, criteria, performance().reference, 1)
     assert (table["ap_percent"] == 0.0).all()
+
+
+def test_loop_refuses_a_detection_that_is_none(seen, monkeypatch):
+    wrong = Detections(np.ones((1, 4)), np.array([np.nan]), np.array(["car"]))
+    detector = SimpleNamespace(detect=lambda images: [wrong])
+    monkeypatch.setattr("pipeline.control.loop.opened", lambda kind, options: detector)
+    with pytest.raises(InputError, match="detector 'compact': score of detection 0 is nan, expected 0 to 1"):
+        run(make_policy("mean_intensity", {}, CAMERA, performance()), rig(), scenario(), seen)
 
 
 def test_loop_frames_of_a_search_are_scored_like_all_others(seen, monkeypatch):

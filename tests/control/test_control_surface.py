@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from plug_in_makers import Darkening
 
 from pipeline.camera.exposure import Camera
 from pipeline.control import measured_surface as surface
@@ -132,3 +133,19 @@ def test_surface_knots_of_noise_rise_where_measured_ones_do_not():
     rising = surface._rising(np.array([[0.0, 2.0], [3.0, 1.9], [2.5, 4.0]]))
     assert (np.diff(rising, axis=0) > 0).all() and rising[1:].max() == 4.0
     assert rising[:, 0] == pytest.approx([0.05, 3.0, 3.05]) and rising[:, 1] == pytest.approx([2.0, 2.05, 4.0])
+
+
+def test_surface_a_detector_in_place_leaves_the_monitor_its_frame(tmp_path, monkeypatch):
+    np.savez(tmp_path / "view.radiance.npz", radiance=RADIANCE.astype(np.float16))
+    view, images = View("view-0", "view", 0, tmp_path / "view.radiance.npz", ()), []
+    condition = SimpleNamespace(sigma_dn=SimpleNamespace(value=0.0), mtf=SimpleNamespace(value=np.ones((2, 8))))
+    monitor = SimpleNamespace(frame=lambda image: images.append(image) or condition)
+    monkeypatch.setattr(surface, "opened", lambda kind, options: Darkening())
+    monkeypatch.setattr(surface, "monitor", lambda: monitor)
+    camera = Camera()
+    shared = surface.Exposures(surface.light_for_level(camera, RADIANCE, 0.5, 0.008), (1.0, 4.0, 16.0))
+    result = surface.measure(
+        view, camera=camera, design=DESIGN, shared=shared, kind="mine", options="", max_detections=9, estimate=True,
+        seed=1,
+    )  # fmt: skip
+    assert result["score"] == pytest.approx([image.mean() for image in images], rel=1e-6)

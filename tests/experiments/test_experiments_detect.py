@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import yaml
 from data_makers import make_folder, make_kitti, make_udacity
-from plug_in_makers import SPOTS, plug_in
+from plug_in_makers import SPOTS, Darkening, plug_in
 from yolox_makers import LABELS, tiny_yolox
 
 from pipeline import store
@@ -120,6 +120,26 @@ def test_two_workers_write_the_same_bytes(data: Path, once: Path, tmp_path: Path
     prepare(configured(data), tmp_path)
     run(configured(data, workers=2), tmp_path)
     assert digests(tmp_path / "data/detect") == digests(once / "data/detect")
+
+
+def test_a_detector_in_place_leaves_the_next_noise_levels_their_pixels(
+    data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A frame without noise is handed out twice, of the same pixels."""
+    frame = next(iter(open_dataset("kitti", "kitti", data / "kitti").frames()))
+    work = sweep.Sweep("mine", "{}", ("car",), "readout", (0.0, 0.0, 5.0), CameraSettings(), 1)
+    monkeypatch.setattr(sweep, "opened", lambda kind, options: Darkening())
+    score = work.detect(frame, sharp_kernel())["score"]
+    assert score[0] == score[1] == pytest.approx(score[2], rel=0.02)
+
+
+def test_a_detection_that_is_none_ends_the_sweep(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    frame = next(iter(open_dataset("kitti", "kitti", data / "kitti").frames()))
+    wrong = Detections(np.ones((1, 4)), np.array([np.nan]), np.array(["car"]))
+    monkeypatch.setattr(sweep, "opened", lambda kind, options: SimpleNamespace(detect=lambda images: [wrong]))
+    work = sweep.Sweep("mine", "{}", ("car",), "readout", (0.0,), CameraSettings(), 1)
+    with pytest.raises(InputError, match="detector 'mine': score of detection 0 is nan"):
+        work.detect(frame, sharp_kernel())
 
 
 KILLED = """

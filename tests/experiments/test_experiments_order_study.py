@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from plug_in_makers import Darkening
 
 from pipeline.camera import mtf, psf
 from pipeline.camera.settings import CameraSettings
@@ -52,6 +53,17 @@ def test_order_study_motion_is_judged_beside_the_camera_s_own_blur(frame, monkey
     chosen = [one for one in order_study.conditions([0, 11], [5]) if (one.order, one.light) == ("detector", "encoded")]
     entries = order_study.measure(frame, chosen=chosen, camera=CameraSettings(), kind="", options="{}", seed=1)
     assert [entry["amae_percent"] for entry in entries] == pytest.approx([0.0, 0.0], abs=1e-9)
+
+
+def test_order_study_a_detector_in_place_leaves_the_image_as_it_was(frame, monkeypatch):
+    images = []
+    condition = SimpleNamespace(mtf=SimpleNamespace(value=np.ones((2, 8))), sigma_dn=SimpleNamespace(value=0.0))
+    monitor = SimpleNamespace(frame=lambda image: images.append(image) or condition)
+    monkeypatch.setattr(order_study, "_opened", lambda kind, options: (monitor, Darkening()))
+    chosen = order_study.conditions([0], [5])
+    entries = order_study.measure(frame, chosen=chosen, camera=CameraSettings(), kind="mine", options="{}", seed=1)
+    means = [image.mean() for image in images[1:]]  # the first is the sharp frame
+    assert [float(entry["score"][0]) for entry in entries] == pytest.approx(means, rel=1e-6)
 
 
 def test_order_study_noise_behind_the_optics_keeps_its_level(frame):
