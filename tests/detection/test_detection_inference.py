@@ -53,6 +53,7 @@ def with_parts(boxes: Any, score: Any, label: Any = CAR) -> list[Detections]:
         (with_parts(np.ones((1, 4)), np.array(["0.5"])), "score has the data type <U3, expected numbers"),
         (with_parts(np.ones((1, 4)), np.array([np.nan])), "score of detection 0 is nan, expected 0 to 1"),
         (with_parts(np.ones((1, 4)), np.array([97.0])), "score of detection 0 is 97, expected 0 to 1"),
+        (with_parts(np.ones((1, 4)), np.array([1.001])), "score of detection 0 is 1.001, expected 0 to 1"),
         (with_parts(np.ones((1, 4)), np.array([-0.5])), "score of detection 0 is -0.5, expected 0 to 1"),
         (with_parts(np.array([[1, 1, np.nan, 5]]), np.ones(1)), "the box of detection 0 is 1 1 nan 5, expected finite"),
         (with_parts(np.array([[1, 1, np.inf, 5]]), np.ones(1)), "the box of detection 0 is 1 1 inf 5, expected finite"),
@@ -74,7 +75,7 @@ def test_a_class_that_cannot_detect_and_a_detector_s_own_refusal_are_named() -> 
 
 def test_numbers_at_the_ends_and_what_rounding_leaves_beyond_pass() -> None:
     boxes = np.array([[3, 3, 3, 3], [-500, 0, 5000, 1], [1000.0001, 2, 1000, 9]], np.float32)
-    score = np.array([1.0, 0.0, 1.0000001], np.float32)
+    score = np.array([1.0, 0.0, 1.000003], np.float32)
     result = detections_in(Answering(with_parts(boxes, score, np.array(["car", "x", ""], object))), image(), "mine")
     assert np.array_equal(result.boxes, boxes) and np.array_equal(result.score, score)
     assert result.boxes.dtype == result.score.dtype == np.float64 and list(result.label) == ["car", "x", ""]
