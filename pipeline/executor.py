@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
 import re
 import signal
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -77,15 +78,24 @@ def _progress(results: Iterable[Any], total: int, label: str) -> Iterable[Any]:
 
 
 def _call(function: Callable[[Item], Result], item: Item) -> Result:
+    """Apply a function in a worker; an exception that cannot cross to its parent is told by one that can."""
     one_thread()
-    return function(item)
+    try:
+        return function(item)
+    except BaseException as error:
+        try:
+            pickle.loads(pickle.dumps(error))
+        except Exception:  # noqa: BLE001  the parent would fail to read it, too, and take the worker for dead
+            named = RuntimeError(f"{type(error).__name__}: {error}")
+            told = InputError(f"{error}") if isinstance(error, InputError) else named
+            raise told.with_traceback(error.__traceback__) from None
+        raise
 
 
 def _call_there(function: Callable[[Item], Result], item: Item, weights: str | None) -> Result:
     """As `_call`, in a process that this one did not start: with this one's folder of weights."""
-    one_thread()
     weight_files.set_folder(weights)
-    return function(item)
+    return _call(function, item)
 
 
 def run_map(
@@ -114,7 +124,9 @@ def run_map(
 
     Raises:
         InputError: unknown backend, no scheduler at the address, no worker, or workers that keep dying.
-        Exception: whatever the function raised, from the first item in order that failed.
+        RuntimeError: an exception of the function that cannot be pickled, by its name and message (an `InputError` as
+            such), from a worker.
+        Exception: whatever else the function raised, from the first item in order that failed.
     """
     items = list(items)
     if not items:

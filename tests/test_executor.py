@@ -25,6 +25,34 @@ def refuse_three(x):
     return x
 
 
+class CodedError(Exception):
+    """Pickles, but cannot be made again from the one argument that it keeps."""
+
+    def __init__(self, code, message):
+        super().__init__(f"{code}: {message}")
+
+
+class CodedInputError(InputError):
+    def __init__(self, code, message):
+        super().__init__(f"{code}: {message}")
+
+
+class HoldingError(Exception):
+    """Does not pickle."""
+
+    def __init__(self, message):
+        super().__init__(message, lambda: None)
+
+    def __str__(self):
+        return self.args[0]
+
+
+def refuse_one_by(error, arguments, x):
+    if x == 1:
+        raise error(*arguments)
+    return x
+
+
 def refuse_late_and_soon(x):
     """Items 0 and 1 fail, the first of them later."""
     if x == 0:
@@ -81,6 +109,22 @@ def test_order_is_kept(workers):
 def test_errors_come_through(workers):
     with pytest.raises(InputError, match="item 3"):
         run_map(refuse_three, range(5), workers=workers)
+
+
+@pytest.mark.parametrize(
+    ("error", "arguments", "raised", "message"),
+    [
+        (CodedError, (7, "wrong layout"), RuntimeError, "CodedError: 7: wrong layout"),
+        (HoldingError, ("still open",), RuntimeError, "HoldingError: still open"),
+        (CodedInputError, (7, "wrong layout"), InputError, "7: wrong layout"),
+    ],
+)
+def test_an_exception_that_cannot_be_pickled_is_told_by_its_message(error, arguments, raised, message):
+    """It was taken for a worker that had died, as for want of memory."""
+    with pytest.raises(raised) as caught:
+        run_map(functools.partial(refuse_one_by, error, arguments), range(4), workers=2)
+    assert type(caught.value) is raised and str(caught.value) == message
+    assert "in refuse_one_by" in str(caught.value.__cause__)  # the worker's traceback
 
 
 def test_a_killed_worker_loses_nothing(tmp_path):
