@@ -14,6 +14,7 @@ import os
 import pickle
 import re
 import signal
+import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -163,9 +164,18 @@ def _map_processes(function: Callable[[Item], Result], items: list[Item], worker
 
 
 def _begin_worker() -> None:
-    """One thread; Ctrl-C ends a worker at once and silently, its parent reports it."""
+    """One thread; Ctrl-C ends a worker at once and silently, its parent reports it; a killed parent ends it, too."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     one_thread()
+
+
+def _end_with_parent() -> None:
+    """End this process once its parent is gone: killed, it could not, and this one would wait for an item for ever."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 @contextmanager

@@ -4,6 +4,8 @@ import functools
 import gc
 import os
 import signal
+import subprocess
+import sys
 import time
 from concurrent.futures import ProcessPoolExecutor, wait
 from pathlib import Path
@@ -75,6 +77,28 @@ def always_die(x):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+def wait_for_two_and_kill_parent(folder, x):
+    """Every worker leaves a mark; with the second, item 0 kills their parent and goes on for ever."""
+    Path(folder, f"{os.getpid()}").touch()
+    while len(list(Path(folder).iterdir())) < 2:
+        time.sleep(0.05)
+    if x == 0:
+        os.kill(os.getppid(), signal.SIGKILL)
+        time.sleep(3600)
+
+
+def kill_parent_of_two(folder):
+    run_map(functools.partial(wait_for_two_and_kill_parent, folder), range(2), workers=2)
+
+
+def runs(process):
+    """Whether a process is there and has not ended."""
+    try:
+        return "Z" not in Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0]
+    except OSError:
+        return False
+
+
 def die_at_five(folder, x):
     """Item 5 ends its process; beside another worker, item 0 does not finish before that."""
     if x == 5:
@@ -130,6 +154,23 @@ def test_an_exception_that_cannot_be_pickled_is_told_by_its_message(error, argum
 def test_a_killed_worker_loses_nothing(tmp_path):
     assert run_map(functools.partial(die_once, str(tmp_path)), range(6), workers=2) == [x * x for x in range(6)]
     assert (tmp_path / "died-2").exists()
+
+
+def test_workers_end_with_a_killed_parent(tmp_path):
+    """They were left, one with an item and one waiting for its next."""
+    root = Path(__file__).resolve().parents[1]
+    code = f"import sys; sys.path.insert(0, {str(root / 'tests')!r}); from test_executor import kill_parent_of_two; "
+    code += f"kill_parent_of_two({str(tmp_path)!r})"
+    ended = subprocess.run([sys.executable, "-c", code], cwd=root, stderr=subprocess.DEVNULL)
+    assert ended.returncode == -signal.SIGKILL
+    workers = [int(mark.name) for mark in tmp_path.iterdir()]
+    assert len(workers) == 2
+    deadline = time.monotonic() + 120
+    while (left := [worker for worker in workers if runs(worker)]) and time.monotonic() < deadline:
+        time.sleep(0.2)
+    for worker in left:
+        os.kill(worker, signal.SIGKILL)
+    assert not left
 
 
 def test_an_item_that_always_kills_is_named():
