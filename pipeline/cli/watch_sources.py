@@ -6,6 +6,7 @@ A live source does not wait: of what it delivers while a frame is analysed, the 
 from __future__ import annotations
 
 import contextlib
+import os
 import stat
 import threading
 import time
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 POLL_S = 0.2
 SETTLED_LOOKS, EMPTY_LOOKS = 2, 5  # in a row with the same size; a file that is begun is empty for a moment
+REPLACED_LOOKS = 2  # at which there was another file or a smaller one, more than looks at which it had grown
 DEFAULT_FRAMES_PER_SECOND = 25.0  # of a video that does not state its own
 URL_MARK = "://"
 
@@ -180,6 +182,9 @@ class _Pace:
 def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]:
     """Pictures of a folder in the order in which they come; a file is read once its size no longer changes.
 
+    One that is replaced faster than that, as by a camera that renames each picture to one name, is read as it is; a
+    file that is written slowly grows, which tells it from such.
+
     A file that is written again, or removed and written again under its name, is a new frame: its size or its time of
     modification has changed. So a picture that was read half-written, or empty, is read again when it is whole.
     Pictures of the same time come in `pipeline.cli.pictures.natural_order`. Files of formats that are not read
@@ -193,7 +198,7 @@ def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]
     from pipeline.cli.pictures import PICTURES, UNREAD, VIDEOS, natural_order
 
     hinted: Counter[int] = Counter()
-    waiting: dict[str, tuple[int, int]] = {}  # size, and number of looks at which a file had it
+    waiting: dict[str, _Waiting] = {}
     done: dict[str, tuple[int, int]] = {}
     lost = False
     while not stop.is_set():
@@ -207,26 +212,22 @@ def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]
             stop.wait(POLL_S)
             continue
         lost = False
-        waiting = {name: looks for name, looks in waiting.items() if name in files}
+        waiting = {name: looked for name, looked in waiting.items() if name in files}
         done = {name: version for name, version in done.items() if name in files}
         for name, file in files.items():
             if name[0] == "." or file.suffix.lower() not in PICTURES | UNREAD | VIDEOS:
                 continue
-            version = _version(file)
-            if version is None or version == done.get(name):
+            status = _status(file)
+            if status is None or _version(status) == done.get(name):
                 continue
-            size, modified_ns = version
-            earlier_size, looks = waiting.get(name, (-1, 0))
-            looks = looks + 1 if size == earlier_size else 1
-            waiting[name] = size, looks
-            if looks >= (SETTLED_LOOKS if size else EMPTY_LOOKS):
-                ready.append((modified_ns, name))
+            if waiting.setdefault(name, _Waiting()).settled(status):
+                ready.append((status.st_mtime_ns, name))
         for _, name in sorted(ready, key=lambda item: (item[0], natural_order(item[1]))):
             if stop.is_set():
                 return
-            version = _version(folder / name)  # as it is read: earlier frames may have taken long
-            if version is not None:
-                done[name] = version
+            status = _status(folder / name)  # as it is read: earlier frames may have taken long
+            if status is not None:
+                done[name] = _version(status)
             waiting.pop(name)
             yield _picture(folder / name, hinted)
         if not ready:
@@ -248,10 +249,41 @@ def _picture(file: Path, hinted: Counter[int]) -> SourceFrame:
     return SourceFrame(name, image, coding=coding)
 
 
-def _version(file: Path) -> tuple[int, int] | None:
-    """Size and time of modification (ns) of a file; None where it is gone, no regular file or a link to nothing."""
+class _Waiting:
+    """A file that is not read yet, from look to look."""
+
+    def __init__(self) -> None:
+        self._inode, self._size, self._looks, self._replaced = -1, -1, 0, 0
+
+    def settled(self, status: os.stat_result) -> bool:
+        """Whether it is to be read: it has not changed, or is replaced time and again and would never settle.
+
+        A file that was renamed is whole and has another inode, unless the file system gives that of the file before
+        last again: then every other one is smaller. One that is written in place grows at later looks.
+
+        Args:
+            status: as of this look.
+        """
+        inode, size = status.st_ino, status.st_size
+        if self._looks and (inode != self._inode or size < self._size):
+            self._replaced += 1
+        elif size > self._size:
+            self._replaced = max(self._replaced - 1, 0)
+        self._looks = self._looks + 1 if size == self._size else 1
+        self._inode, self._size = inode, size
+        replaced = size > 0 and self._replaced >= REPLACED_LOOKS
+        return replaced or self._looks >= (SETTLED_LOOKS if size else EMPTY_LOOKS)
+
+
+def _status(file: Path) -> os.stat_result | None:
+    """None where a file is gone, no regular file or a link to nothing."""
     try:
         status = file.stat()
     except OSError:
         return None
-    return (status.st_size, status.st_mtime_ns) if stat.S_ISREG(status.st_mode) else None
+    return status if stat.S_ISREG(status.st_mode) else None
+
+
+def _version(status: os.stat_result) -> tuple[int, int]:
+    """Size and time of modification (ns)."""
+    return status.st_size, status.st_mtime_ns

@@ -212,6 +212,41 @@ def test_a_file_that_is_written_again_is_a_new_frame_once_it_has_settled(tmp_pat
     assert looks(source, 3) == ["", "latest.bmp", ""]
 
 
+@pytest.mark.parametrize("renamed", [True, False])
+def test_a_file_that_is_replaced_before_each_look_is_read_all_the_same(tmp_path, renamed):
+    """A renamed picture has another inode, or the one of the picture before last: then only sizes tell."""
+    source, path = filling_folder(tmp_path, threading.Event()), tmp_path / "latest.png"
+    pictures = [cv2.imencode(".png", picture(f"{n}", 224, 208)[: 208 - 8 * (n % 3)])[1].tobytes() for n in range(12)]
+    assert all(a != b for a, b in zip(map(len, pictures), map(len, pictures[1:]), strict=False))
+    frames = []
+    for content in pictures:
+        if renamed:
+            (tmp_path / ".new").write_bytes(content)
+            (tmp_path / ".new").replace(path)
+        else:
+            path.write_bytes(content)
+        frames.append(next(source))
+    assert not any(frame.problem for frame in frames)
+    read = [number for number, frame in enumerate(frames) if frame.image is not None]
+    assert read == [2, 5, 8, 11] if renamed else len(read) >= 2
+    assert all(frames[number].image.shape == (208 - 8 * (number % 3), 224) for number in read)
+
+
+@pytest.mark.parametrize("anew", [True, False])
+def test_a_file_that_is_written_slowly_again_and_again_is_never_read_half(tmp_path, anew):
+    """In place, or removed and made anew; every part of it is another look."""
+    source, path = filling_folder(tmp_path, threading.Event()), tmp_path / "slow.png"
+    for number in range(6):
+        content = cv2.imencode(".png", picture(f"{number}", 224, 208))[1].tobytes()
+        if anew:
+            path.unlink(missing_ok=True)
+        for part in (3, 2, 1):
+            with path.open("wb" if part == 3 else "ab") as file:
+                file.write(content[len(content) * (3 - part) // 3 : len(content) * (4 - part) // 3])
+            assert looks(source, 1) == [""], (number, part)
+    assert looks(source, 1) == ["slow.png"]
+
+
 def test_a_file_that_was_read_half_written_is_read_again_when_it_is_whole(tmp_path):
     source, path = filling_folder(tmp_path, threading.Event()), tmp_path / "slow.png"
     whole = cv2.imencode(".png", picture("slow", 224, 208))[1].tobytes()
