@@ -151,13 +151,16 @@ def as_patches(patches: Any, name: str = "patches", size_px: int = PATCH_PX) -> 
         (N, 1, size, size) float32, C-contiguous.
 
     Raises:
-        InputError: not such an array, masked, not floats, not finite, or outside [0, 1].
+        InputError: not such an array, of mixed sizes, masked, not floats, not finite, or outside [0, 1].
     """
     patches = as_array(patches)
     if isinstance(patches, np.ma.MaskedArray):
         raise InputError(f"{name}: masked arrays are not estimated; cut patches without masked pixels")
-    array = np.asarray(patches)
     expected = f"expected (N, 1, {size_px}, {size_px}) floats in [0, 1]"
+    try:
+        array = np.asarray(patches)
+    except ValueError:
+        raise InputError(f"{name}: of more than one shape, {expected}; cut all to {size_px} px") from None
     if array.ndim != 4 or array.shape[1:] != (1, size_px, size_px):
         raise InputError(f"{name}: shape {array.shape}, {expected}; cut the frame into {size_px} px grey patches")
     if not np.issubdtype(array.dtype, np.floating):

@@ -168,6 +168,8 @@ class Calibration:
         if not all(np.isfinite(part).all() for part in (matrix, offset, alone) if part is not None):
             raise ValueError("values that are not finite")
         widening = float("nan") if content["widening"] is None else float(content["widening"])
+        if widening < 0 or np.isinf(widening):
+            raise ValueError(f"widening {widening:g}, expected a finite number, 0 or more, or null")
         correction = Correction.from_content(content["correction"], VALUES) if "correction" in content else None
         before, after = content["error_percent"]
         errors = (float(before), float(after))

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 KINDS = ("sharp frames", "fit", "edge chart", "star chart")
 CHARTS = KINDS[2:]
+GREATEST_MTF = 2.0  # sharpening raises it above 1, hardly beyond this; percent are not fractions
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,7 @@ def load(name: str) -> StoredCamera:
         camera = StoredCamera(**{**content, "size_px": size_px})
         if camera.kind not in KINDS or (camera.sharp_mtf is None) == (camera.fit is None):
             raise ValueError("neither an MTF nor a fit")
-        if not 0 <= int(camera.unsharp) <= camera.frames:
+        if type(camera.unsharp) is not int or not 0 <= camera.unsharp <= camera.frames:
             raise ValueError(f"unsharp: {camera.unsharp} of {camera.frames} pictures")
         if camera.sharp_mtf is not None:
             _matrix(camera.sharp_mtf)
@@ -193,7 +194,7 @@ def of_other_size(name: str, shape: tuple[int, ...], sharp: Collection[tuple[int
 
 
 def _matrix(content: Any) -> Any:
-    """(2, 8) finite numbers above 0.
+    """(2, 8) numbers above 0 and at most `GREATEST_MTF`.
 
     Raises:
         ValueError: they are not.
@@ -201,6 +202,10 @@ def _matrix(content: Any) -> Any:
     import numpy as np
 
     matrix = np.array(content, dtype=np.float64)
-    if matrix.shape != (2, 8) or not (np.isfinite(matrix) & (matrix > 0)).all():
-        raise ValueError(f"sharp_mtf: expected (2, 8) numbers above 0, got shape {matrix.shape}")
+    if matrix.shape != (2, 8) or not ((matrix > 0) & (matrix <= GREATEST_MTF)).all():
+        values = f"{matrix.min():g}..{matrix.max():g}" if matrix.size else "none"
+        raise ValueError(
+            f"sharp_mtf: expected (2, 8) numbers above 0 and at most {GREATEST_MTF:g} (no percent), "
+            f"got shape {matrix.shape}, {values}"
+        )
     return matrix

@@ -363,6 +363,16 @@ def test_a_file_with_a_broken_second_map_is_refused(sharp, truth, tmp_path, fiel
         Calibration.load(path)
 
 
+@pytest.mark.parametrize("widening", [-0.5, float("inf"), float("-inf")])
+def test_intervals_are_never_reversed_by_a_file(sharp, truth, widening):
+    """They would end below where they begin."""
+    made = camera_calibration.calibrate(Bent(truth, np.array), sharp, samples=SAMPLES)
+    with pytest.raises(ValueError, match="widening .*expected a finite number, 0 or more"):
+        Calibration.from_content(made.content() | {"widening": widening})
+    assert Calibration.from_content(made.content() | {"widening": 0}).widening == 0
+    assert np.isnan(Calibration.from_content(made.content() | {"widening": None}).widening)
+
+
 def test_a_patch_of_which_a_frequency_is_unknown_is_abstained_from():
     mtf_read = np.full((2, 2, 8), 0.5)
     mtf_read[0, 0, 7] = np.nan
