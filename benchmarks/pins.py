@@ -23,10 +23,19 @@ from benchmarks import common  # noqa: E402
 
 common.one_thread()
 
-ESTIMATORS = {"spectral": ("blur", 192, 16), "cellwise": ("noise", 128, 64), "gbb": ("blur", 192, 1)}
-"""Package, patch size in pixels, patches of a call."""
+ESTIMATORS = {
+    "spectral_single": ("blur", "spectral", 192, 1),
+    "spectral": ("blur", "spectral", 192, 16),
+    "blur_cnn": ("blur", "cnn", 192, 4),
+    "gbb": ("blur", "gbb", 192, 1),
+    "adaptive": ("noise", "adaptive", 128, 64),
+    "cellwise": ("noise", "cellwise", 128, 64),
+    "noise_cnn": ("noise", "cnn", 128, 4),
+    "pca": ("noise", "pca", 128, 64),
+}
+"""Case -> package, estimator, patch size in pixels, patches of a call."""
 TRAININGS = {"training_bfloat16": True, "training_float32": False}
-CALLS = 5
+CALLS = 9
 
 
 def estimator_call(name: str) -> Callable[[], object]:
@@ -37,7 +46,7 @@ def estimator_call(name: str) -> Callable[[], object]:
 
     from pipeline.streams import stream
 
-    package, size, count = ESTIMATORS[name]
+    package, kind, size, count = ESTIMATORS[name]
     generator = stream(1, "benchmark of pins", name)
     rows, columns = np.mgrid[:size, :size]
     patch = np.full((size, size), 0.5)
@@ -45,7 +54,7 @@ def estimator_call(name: str) -> Callable[[], object]:
         patch[(columns - x) ** 2 + (rows - y) ** 2 < radius**2] = level
     patches = patch + 0.02 * generator.standard_normal((count, 1, size, size))
     patches = (np.rint(255 * patches.clip(0, 1)) / 255).astype(np.float32)
-    estimator = importlib.import_module(f"pipeline.{package}").create(name)
+    estimator = importlib.import_module(f"pipeline.{package}").create(kind)
     return lambda: estimator.estimate(patches)
 
 
