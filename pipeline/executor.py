@@ -79,7 +79,7 @@ def _progress(results: Iterable[Any], total: int, label: str) -> Iterable[Any]:
 
 
 def _call(function: Callable[[Item], Result], item: Item) -> Result:
-    """Apply a function in a worker; an exception that cannot cross to its parent is told by one that can."""
+    """Apply a function in a worker; one that can cross to its parent stands for an exception that cannot."""
     one_thread()
     try:
         return function(item)
@@ -87,9 +87,9 @@ def _call(function: Callable[[Item], Result], item: Item) -> Result:
         try:
             pickle.loads(pickle.dumps(error))
         except Exception:  # noqa: BLE001  the parent would fail to read it, too, and take the worker for dead
-            named = RuntimeError(f"{type(error).__name__}: {error}")
-            told = InputError(f"{error}") if isinstance(error, InputError) else named
-            raise told.with_traceback(error.__traceback__) from None
+            plain = RuntimeError(f"{type(error).__name__}: {error}")
+            substitute = InputError(f"{error}") if isinstance(error, InputError) else plain
+            raise substitute.with_traceback(error.__traceback__) from None
         raise
 
 
