@@ -9,6 +9,7 @@ order; if it dies at its first item, that item is named in the error.
 
 from __future__ import annotations
 
+import copy
 import multiprocessing
 import os
 import pickle
@@ -85,7 +86,8 @@ def _call(function: Callable[[Item], Result], item: Item) -> Result:
         return function(item)
     except BaseException as error:
         try:
-            pickle.loads(pickle.dumps(error))
+            pickle.dumps(error)
+            copy.copy(error)  # made from its arguments, as the parent makes it
         except Exception:  # noqa: BLE001  the parent would fail to read it, too, and take the worker for dead
             plain = RuntimeError(f"{type(error).__name__}: {error}")
             substitute = InputError(f"{error}") if isinstance(error, InputError) else plain
