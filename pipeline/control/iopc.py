@@ -144,10 +144,10 @@ class IopcPolicy(Policy):
         performance: surface asked.
         target: mean encoded grey level kept; None leaves brightness as it is.
         tolerance: dead band of the mean level.
+        least_gain_percent: points that a change must promise on an unchanged scene without reversals.
         margin: AP points now that a point in the frames after a fall of light is worth; 0 for no margin. It counts for
             every frame until a new setting takes effect. Over random drives it is best from 0.2 to 0.3
             (benchmarks/control_margin.py).
-        least_gain_percent: points that a change must promise on an unchanged scene without reversals.
 
     Raises:
         InputError: an option out of range.
@@ -162,8 +162,8 @@ class IopcPolicy(Policy):
         performance: Performance | None = None,
         target: float | None = 0.5,
         tolerance: float = 0.1,
-        margin: float = 0.2,
         least_gain_percent: float = 1.0,
+        margin: float = 0.2,
     ) -> None:
         super().__init__(camera, performance)
         if not least_gain_percent >= 0.0:

@@ -61,14 +61,7 @@ class IopcContinuous(IopcPolicy):
         lamp_hz: float = 0.0,
         margin: float = 0.2,
     ) -> None:
-        super().__init__(
-            camera,
-            performance,
-            target=target,
-            tolerance=tolerance,
-            margin=margin,
-            least_gain_percent=least_gain_percent,
-        )
+        super().__init__(camera, performance, target, tolerance, least_gain_percent, margin)
         if stops_per_frame <= 0 or max_motion_px <= 0 or lamp_hz < 0:
             raise InputError(
                 "policy iopc_continuous: expected lamp_hz of at least 0, stops_per_frame and max_motion_px above 0"

@@ -10,39 +10,10 @@ from __future__ import annotations
 import math
 
 from pipeline.control.iopc import Choice, Frame, IopcPolicy
-from pipeline.control.performance import Performance
-from pipeline.control.policy import ControlledCamera
 
 
 class IopcOptimal(IopcPolicy):
-    """Argmax of the surface.
-
-    Args:
-        camera: see `Policy`.
-        performance: surface asked.
-        target: see `IopcPolicy`.
-        tolerance: see `IopcPolicy`.
-        least_gain_percent: points that another split must promise; more after reversals (see `IopcPolicy`).
-        margin: see `IopcPolicy`.
-    """
-
-    def __init__(
-        self,
-        camera: ControlledCamera,
-        performance: Performance | None = None,
-        target: float | None = 0.5,
-        tolerance: float = 0.1,
-        least_gain_percent: float = 1.0,
-        margin: float = 0.2,
-    ) -> None:
-        super().__init__(
-            camera,
-            performance,
-            target=target,
-            tolerance=tolerance,
-            margin=margin,
-            least_gain_percent=least_gain_percent,
-        )
+    """Argmax of the surface; takes what `IopcPolicy` takes."""
 
     def choose(self, frame: Frame) -> Choice:
         """See `IopcPolicy.choose`."""
