@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 
+from pipeline.control.decision import Action, Decision
 from pipeline.control.state import CameraState, Limits
 
 
@@ -23,25 +24,26 @@ class AskedExposure:
         self.limits, self.exposure_max_s = limits, exposure_max_s
         self._written: deque[tuple[CameraState, float]] = deque(maxlen=limits.delay_frames + 1)
 
-    def times(self, factor: float, state: CameraState) -> CameraState:
+    def decision(self, factor: float, state: CameraState, reason: str) -> Decision:
         """Settings of a factor times the total exposure that was asked for when those of a frame were written.
 
         Args:
             factor: above 0.
             state: settings that the frame was taken with. Where these were not asked for, as in the first frames, their
                 own total exposure counts.
+            reason: one sentence.
         """
         longest_s = self.limits.exposure_max_s if self.exposure_max_s is None else self.exposure_max_s
         least_s, most_s = self.limits.exposure_min_s * self.limits.gain_min, longest_s * self.limits.gain_max
         total_s = min(max(self._asked_s(state) * factor, least_s), most_s)
         new = self.limits.time_first(total_s, self.exposure_max_s)
         self._written.append((new, total_s))
-        return new
+        return Decision(new, Action.HOLD if new == state else Action.MOVE, reason)
 
-    def kept(self, state: CameraState) -> CameraState:
+    def hold(self, state: CameraState, reason: str) -> Decision:
         """The settings of a frame, to be written again; what was asked for with them stays."""
         self._written.append((state, self._asked_s(state)))
-        return state
+        return Decision(state, Action.HOLD, reason)
 
     def _asked_s(self, state: CameraState) -> float:
         """Total exposure asked for with settings that take effect `delay_frames` frames after the next one, s."""

@@ -19,7 +19,7 @@ def driven(limits: Limits, factors: list[float], start: CameraState) -> list[Cam
     line = DelayLine.filled(start, limits.delay_frames)
     for factor in factors:
         states.append(state)
-        state = line.next(asked.times(factor, state))
+        state = line.next(asked.decision(factor, state, "").state)
     return states
 
 
@@ -43,33 +43,33 @@ def test_with_a_delay_the_exposure_is_that_of_a_camera_without_steps(delay):
 
 def test_settings_that_were_not_asked_for_begin_anew():
     asked = AskedExposure(STEPS)
-    state = asked.times(1.05, CameraState.of(8.0, 100))
+    state = asked.decision(1.05, CameraState.of(8.0, 100), "").state
     other = CameraState.of(2.0, 100)
-    assert asked.times(1.0, other).total_exposure_s == pytest.approx(other.total_exposure_s, rel=0.06)
+    assert asked.decision(1.0, other, "").state.total_exposure_s == pytest.approx(other.total_exposure_s, rel=0.06)
     assert state.exposure_ms == pytest.approx(8.4, rel=0.06)
 
 
 def test_a_drivers_rounding_to_microseconds_is_no_other_setting():
     asked, state = AskedExposure(STEPS), CameraState.of(8.0, 100)
     for _ in range(20):
-        state = asked.times(1.02, CameraState(round(state.exposure_s, 6), state.gain))
+        state = asked.decision(1.02, CameraState(round(state.exposure_s, 6), state.gain), "").state
     assert state.exposure_ms == pytest.approx(8.0 * 1.02**20, rel=0.07)
 
 
 def test_what_is_asked_for_does_not_run_away_beyond_the_range():
     asked, state = AskedExposure(CONTINUOUS), CameraState(CONTINUOUS.exposure_max_s, CONTINUOUS.gain_max)
     for _ in range(10):
-        state = asked.times(1.5, state)
-    assert asked.times(0.5, state).total_exposure_s == pytest.approx(state.total_exposure_s / 2)
+        state = asked.decision(1.5, state, "").state
+    assert asked.decision(0.5, state, "").state.total_exposure_s == pytest.approx(state.total_exposure_s / 2)
 
 
 def test_kept_settings_keep_what_was_asked_for():
     asked = AskedExposure(STEPS)
-    state = asked.times(1.05, CameraState.of(8.0, 100))
+    state = asked.decision(1.05, CameraState.of(8.0, 100), "").state
     for _ in range(3):
-        state = asked.kept(state)
-    assert asked.times(1.0, state) == state
-    assert asked.times(1.06, state).exposure_ms == pytest.approx(8.0 * 1.05 * 1.06, rel=0.06)
+        state = asked.hold(state, "").state
+    assert asked.decision(1.0, state, "").state == state
+    assert asked.decision(1.06, state, "").state.exposure_ms == pytest.approx(8.0 * 1.05 * 1.06, rel=0.06)
 
 
 @pytest.mark.parametrize("name", ["mean_intensity", "prosilica", "shim"])

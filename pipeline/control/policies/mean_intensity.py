@@ -7,7 +7,7 @@ the defaults of built-in controllers: target 50 %, tolerance 5 %.
 from __future__ import annotations
 
 from pipeline.control.asked_exposure import AskedExposure
-from pipeline.control.decision import Action, Decision
+from pipeline.control.decision import Decision
 from pipeline.control.metering import Metering
 from pipeline.control.observation import Observation
 from pipeline.control.performance import Performance
@@ -50,9 +50,7 @@ class MeanIntensity(Policy):
         factor = self.metering.factor(observation, self.camera.formation.gamma)
         too_long = self.exposure_max_s is not None and state.exposure_s > self.exposure_max_s * (1 + 1e-9)
         if factor == 1.0 and not too_long:
-            return Decision(
-                self.exposure.kept(state), Action.HOLD, f"mean {observation.mean_level:.2f} is within tolerance"
-            )
-        new = self.exposure.times(factor, state)
-        action = Action.HOLD if new == state else Action.MOVE
-        return Decision(new, action, f"mean {observation.mean_level:.2f}: total exposure times {factor:.2f}")
+            return self.exposure.hold(state, f"mean {observation.mean_level:.2f} is within tolerance")
+        return self.exposure.decision(
+            factor, state, f"mean {observation.mean_level:.2f}: total exposure times {factor:.2f}"
+        )

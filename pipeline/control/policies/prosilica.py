@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 
 from pipeline.control.asked_exposure import AskedExposure
-from pipeline.control.decision import Action, Decision
+from pipeline.control.decision import Decision
 from pipeline.control.observation import Observation
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera, Policy
@@ -65,9 +65,7 @@ class Prosilica(Policy):
         """See `Policy.decide`."""
         factor = self.factor(observation.mean_level)
         if factor == 1.0:
-            return Decision(
-                self.exposure.kept(state), Action.HOLD, f"mean {observation.mean_level:.2f} is within the hold band"
-            )
-        new = self.exposure.times(factor, state)
-        action = Action.HOLD if new == state else Action.MOVE
-        return Decision(new, action, f"mean {observation.mean_level:.2f}: total exposure times {factor:.3f}")
+            return self.exposure.hold(state, f"mean {observation.mean_level:.2f} is within the hold band")
+        return self.exposure.decision(
+            factor, state, f"mean {observation.mean_level:.2f}: total exposure times {factor:.3f}"
+        )

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from pipeline.control.asked_exposure import AskedExposure
-from pipeline.control.decision import Action, Decision
+from pipeline.control.decision import Decision
 from pipeline.control.gradient import information, sobel_magnitude
 from pipeline.control.observation import Observation
 from pipeline.control.performance import Performance
@@ -75,6 +75,4 @@ class Shim(Policy):
         if gamma == 1.0 and not 0.05 < observation.mean_level < 0.95:
             gamma = self.anchors[0] if observation.mean_level < 0.5 else self.anchors[-1]
         factor = self.factor(gamma)
-        new = self.exposure.times(factor, state)
-        action = Action.HOLD if new == state else Action.MOVE
-        return Decision(new, action, f"best gamma {gamma:.2f}: total exposure times {factor:.3f}")
+        return self.exposure.decision(factor, state, f"best gamma {gamma:.2f}: total exposure times {factor:.3f}")
