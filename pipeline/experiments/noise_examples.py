@@ -22,10 +22,11 @@ from numpy.typing import NDArray
 
 from pipeline.answers import asked
 from pipeline.camera.constants import FULL_SCALE_DN
-from pipeline.camera.processing import codec, temporal_noise
+from pipeline.camera.processing import codec, develop, temporal_noise
+from pipeline.datasets.patches import tiles
 from pipeline.datasets.pictures import read_grey8
 from pipeline.errors import InputError
-from pipeline.noise.real_noise import TILE_PX
+from pipeline.noise.real_noise import TILE_PX, pieces
 from pipeline.streams import stream
 
 if TYPE_CHECKING:
@@ -100,9 +101,8 @@ def stored(name: str, frames: Sequence[Path], sigma_dn: float, how: codec.Codec,
 
 def patches(picture: Grey) -> Grey:
     """(N, 128, 128) complete patches side by side, row by row from the upper left corner."""
-    rows, columns = (side // TILE_PX for side in picture.shape)
-    cut = picture[: rows * TILE_PX, : columns * TILE_PX].reshape(rows, TILE_PX, columns, TILE_PX)
-    return np.ascontiguousarray(cut.swapaxes(1, 2).reshape(-1, TILE_PX, TILE_PX))
+    squares = pieces(picture, tiles(picture.shape, TILE_PX))
+    return np.array(squares, picture.dtype).reshape(-1, TILE_PX, TILE_PX)
 
 
 def measure(example: Example, estimators: Mapping[str, NoiseEstimator]) -> pd.DataFrame:
@@ -152,4 +152,4 @@ def _decoded(sharp: Sequence[Grey], sigma_dn: float, how: codec.Codec, seed: int
         grey = np.clip(np.rint(frame + noise), 0, FULL_SCALE_DN).astype(np.uint8)
         noisy.append(np.repeat(grey[..., None], 3, axis=2))
     decoded = codec.store(noisy[-1], how, noisy[:-1]).astype(np.float64)
-    return np.rint(decoded @ (0.299, 0.587, 0.114)).astype(np.uint8)
+    return np.rint(decoded @ develop.LUMA).astype(np.uint8)

@@ -30,6 +30,7 @@ import numpy as np
 from pipeline.answers import asked
 from pipeline.camera import emva1288
 from pipeline.camera.constants import FULL_SCALE_DN
+from pipeline.datasets.patches import tiles
 from pipeline.datasets.raw_frames import RawFrame
 from pipeline.noise import real_noise
 from pipeline.noise.real_noise import COLUMNS, Pair
@@ -121,15 +122,17 @@ def _of_frame(
     scale = _scale(white_dn)
     for plane, fit in fits.items():
         grey = emva1288.plane(pixels, plane)
-        corners = [(y, x) for y, x in _corners(grey.shape) if _usable(_patch(grey, y, x), white_dn, fit.black_dn)]
-        if not corners:
+        every = tiles(grey.shape, real_noise.TILE_PX)
+        beside = zip(every, real_noise.pieces(grey, every), strict=True)
+        squares = [square for square, piece in beside if _usable(piece, white_dn, fit.black_dn)]
+        if not squares:
             continue
-        patches = np.stack([_patch(grey, y, x) for y, x in corners])
+        patches = np.stack(real_noise.pieces(grey, squares))
         mean = patches.mean(axis=(1, 2))
         truth = {
             "picture": frame.path.stem,
-            "x_px": [x for _, x in corners],
-            "y_px": [y for y, _ in corners],
+            "x_px": [square.x_px for square in squares],
+            "y_px": [square.y_px for square in squares],
             "mean_picture_sigma_dn": np.nan,
             "mean_picture_reason": "",
             "mean_picture_at_most_dn": np.nan,
@@ -149,16 +152,6 @@ def _of_frame(
 def _scale(white_dn: float) -> float:
     """DN of the frames in one DN of 8 bits."""
     return max(white_dn, FULL_SCALE_DN) / FULL_SCALE_DN
-
-
-def _corners(shape: tuple[int, ...]) -> list[tuple[int, int]]:
-    """Corners of patches side by side."""
-    tile = real_noise.TILE_PX
-    return [(y, x) for y in range(0, shape[0] - tile + 1, tile) for x in range(0, shape[1] - tile + 1, tile)]
-
-
-def _patch(grey: Any, y: int, x: int) -> Any:
-    return grey[y : y + real_noise.TILE_PX, x : x + real_noise.TILE_PX]
 
 
 def _usable(patch: Any, white_dn: float, black_dn: float) -> bool:

@@ -20,7 +20,7 @@ Such pairs are those of Nam et al. 2016 ("A holistic approach to cross-channel i
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from pipeline.answers import asked
 from pipeline.cluster_intervals import cluster_mean
+from pipeline.datasets.patches import Patch, cut, tiles
 from pipeline.datasets.pictures import SUFFIXES, read_grey8
 from pipeline.errors import InputError
 from pipeline.streams import stream
@@ -165,24 +166,17 @@ def measure(pair: Pair, estimators: Mapping[str, NoiseEstimator], tile_px: int =
         )
     difference = real.astype(np.float64) - mean
     residual = cleaned(difference, mean)
-    corners = [
-        (y, x)
-        for y in range(0, real.shape[0] - tile_px + 1, tile_px)
-        for x in range(0, real.shape[1] - tile_px + 1, tile_px)
-    ]
-
-    def tiles(picture: NDArray[Any]) -> NDArray[Any]:
-        return np.stack([picture[y : y + tile_px, x : x + tile_px] for y, x in corners])
-
+    squares = tiles(real.shape, tile_px)
+    noise, noise_alone = (np.stack(pieces(each, squares)) for each in (difference, residual))
     truth = {
         "picture": pair.name,
-        "x_px": [x for _, x in corners],
-        "y_px": [y for y, _ in corners],
-        "true_sigma_dn": tiles(difference).std(axis=(1, 2)),
-        "cleaned_sigma_dn": tiles(residual).std(axis=(1, 2)),
-        "true_correlation": _lag_1(tiles(residual)),
+        "x_px": [square.x_px for square in squares],
+        "y_px": [square.y_px for square in squares],
+        "true_sigma_dn": noise.std(axis=(1, 2)),
+        "cleaned_sigma_dn": noise_alone.std(axis=(1, 2)),
+        "true_correlation": _lag_1(noise_alone),
     }
-    photograph, reference = (tiles(picture)[:, None].astype(np.float32) / np.float32(255) for picture in (real, mean))
+    photograph, reference = cut(real, squares), cut(mean, squares)
     tables = []
     for name, estimator in estimators.items():
         answer, of_mean = (
@@ -196,6 +190,16 @@ def measure(pair: Pair, estimators: Mapping[str, NoiseEstimator], tile_px: int =
         }
         tables.append(pd.DataFrame(truth | columns)[list(COLUMNS)])
     return pd.concat(tables, ignore_index=True)
+
+
+def pieces(picture: NDArray[Any], squares: Sequence[Patch]) -> list[NDArray[Any]]:
+    """The pixels of patches as they are: views, where `pipeline.datasets.patches.cut` scales them.
+
+    Args:
+        picture: (H, W).
+        squares: inside the picture.
+    """
+    return [picture[each.y_px : each.y_px + each.size_px, each.x_px : each.x_px + each.size_px] for each in squares]
 
 
 def answer_columns(name: str, answer: NoiseEstimate) -> dict[str, Any]:
