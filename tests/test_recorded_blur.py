@@ -23,7 +23,7 @@ from pipeline.experiments.table_one import Candidate
 from pipeline.experiments.tables import BLUR_ESTIMATES, rounded, written
 from pipeline.recording.blur import record
 from pipeline.recording.blur_statistics import summarise_again
-from pipeline.recording.frames import indexed
+from pipeline.recording.frames import Request, indexed
 from pipeline.report.inputs import ReportInputs
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -172,7 +172,7 @@ def configured(shared: Path, dataset: str) -> Config:
 def test_they_can_be_repeated(shared: Path, records: dict[str, BlurRecord], tmp_path: Path, dataset: str) -> None:
     """A few cells again, on all frames: the same numbers to what a platform's rounding moves."""
     config = configured(shared, dataset)
-    record(config, dataset, ["spectral"], tmp_path / "again", "again", partial(run_map, workers=1))
+    record(Request(config, dataset, tmp_path / "again", "again", partial(run_map, workers=1)), ["spectral"])
     (again,) = blur_records.read(tmp_path)
     keys = ["estimator", "blur_kind", "kernel_size_px", "calibrated"]
     both = again.summary.merge(records[dataset].summary, on=keys, suffixes=("", "_kept"))

@@ -59,17 +59,14 @@ def record_command(
     +estimator/blur@blur.estimators.gbb_exact=gbb_exact
     """
     from pipeline.recording.blur import RESULTS, record
+    from pipeline.recording.frames import Request
     from pipeline.recording.kept_results import keeping
 
     _refuse_per_frame(overrides)
     config = shared.recording_config(overrides, out, dataset, RESULTS, keep, estimators=estimators)
     metrics = record(
-        config,
-        dataset,
+        Request(config, dataset, out, source, keeping(keep, workers)),
         list(dict.fromkeys(estimators)) or list(config.blur.estimators),
-        out,
-        source,
-        keeping(keep, workers),
         join=join,
         frame_count=frame_count,
         patches_per_frame=patches_per_frame,

@@ -15,13 +15,12 @@ kernels and weights are named by their SHA-256; no picture is kept.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import store
-from pipeline.camera import kernel_bank
 from pipeline.camera.mtf import SYSTEM
 from pipeline.camera.psf import stored
 from pipeline.datasets.selection import evenly_spread
@@ -44,15 +43,14 @@ from pipeline.experiments.frames import TestFrame, with_patches
 from pipeline.experiments.metrics import table_one_metrics
 from pipeline.experiments.sharp_curves import sharp_curves
 from pipeline.experiments.tables import BLUR_ESTIMATES
-from pipeline.recording.frames import indexed
-from pipeline.recording.kept_results import Map, keyed
+from pipeline.recording.frames import Request, indexed
+from pipeline.recording.kept_results import keyed
 from pipeline.recording.provenance import blur_weights, provenance, write_csv
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from pipeline.camera.psf.kernel import Kernel
-    from pipeline.config.schema import Config
 
 SAME = ("dataset", "kind", "frames", "previous", "kernels", "psf", "camera", "seed")
 """What must agree, beside how patches are taken, for two measurements to stand in one record."""
@@ -62,12 +60,8 @@ RESULTS = (PROVENANCE_FILE, SUMMARY_FILE, SHARP_FILE, PATCHES_FILE, ESTIMATES_FI
 
 
 def record(
-    config: Config,
-    dataset: str,
+    request: Request,
     estimators: Sequence[str],
-    out: Path,
-    source: str,
-    run_map: Map,
     *,
     join: bool = False,
     frame_count: int | None = None,
@@ -76,12 +70,8 @@ def record(
     """Measure blur estimators on one dataset and write everything into a folder.
 
     Args:
-        config: with the dataset and the estimators in it.
-        dataset: its name there.
-        estimators: their names there.
-        out: folder; replaced.
-        source: where pictures and kernels come from, their revision and licence, in words.
-        run_map: see `pipeline.executor.run_map`; changes no result.
+        request: what is to be recorded.
+        estimators: their names in the configuration.
         join: keep what the folder has of other estimators.
         frame_count: of the frames with patches, how many these estimators are run on, evenly spread; None for all.
         patches_per_frame: how many of the patches of such a frame; None for all. `per_frame` of the estimators in the
@@ -94,82 +84,34 @@ def record(
         InputError: the dataset, its labels, the kernels or weights are absent, there is no such estimator, or the
             folder to join was measured on other pictures, kernels or settings.
     """
-    import pandas as pd
-
-    section = config.blur
+    known = request.config.blur.estimators
     for name in estimators:
-        if name not in section.estimators:
-            known = did_you_mean(name, section.estimators)
-            raise InputError(f"blur.estimators.{name}: not in the configuration; {known}")
-    bank = kernel_bank.configured(config.psf, config.camera.kind, config.seed)
-    chosen = {name: section.estimators[name] for name in estimators}
-    weights = {name: blur_weights(one.kind, one.options) for name, one in chosen.items()}
-    run_map = keyed(run_map, __name__, weights)
-    frames, all_patches = _frames(config, dataset, run_map)
-    metadata = _provenance(config, dataset, source, frames, bank, weights, patches_per_frame)
+        if name not in known:
+            raise InputError(f"blur.estimators.{name}: not in the configuration; {did_you_mean(name, known)}")
+    bank = request.kernels()
+    weights = {name: blur_weights(known[name].kind, known[name].options) for name in estimators}
+    request = replace(request, run_map=keyed(request.run_map, __name__, weights))
+    frames, all_patches = _frames(request)
     measured_frames = [
         replace(item, patches={"mtf": evenly_spread(item.patches["mtf"], patches_per_frame)})
         for item in evenly_spread(frames, frame_count)
     ]
-    metadata[SUBSETS] = {
-        name: {"frames": len(measured_frames), "patches": sum(len(item.patches["mtf"]) for item in measured_frames)}
-        for name in estimators
-    }
-    earlier = others(out, metadata) if join else None
-
-    def labelled(function: Callable[[Any], Any], items: Sequence[Any], label: str = "") -> list[Any]:
-        return list(run_map(function, items, label=label))
-
-    measured = [
-        table_one.measure(
-            {name: table_one.Candidate.configured(one)},
-            measured_frames,
-            stored.as_stored(bank),
-            calibration_frames=all_patches,
-            camera=config.camera,
-            seed=config.seed,
-            draws=section.bootstrap_draws,
-            executor=labelled,
-            label=f"blur of {dataset} by {{}}".format,
-        )
-        for name, one in chosen.items()
-    ]
-    metrics = {name: table_one_metrics(one.summary) for name, one in zip(estimators, measured, strict=True)}
-    # A relative MTF of sharp frames is no curve of theirs: with no other estimator there are no rows.
-    parts = [one.estimates[one.estimates["relative_to"] == SYSTEM] for one in measured]
-    summary, estimates = (
-        pd.concat(tables, ignore_index=True)
-        for tables in ([one.summary for one in measured], [one.estimates for one in measured])
-    )
-    sharp = sharp_curves(pd.concat(parts, ignore_index=True), config.seed)
-    kept: dict[str, Any] = {}
-    if earlier is not None:
-        summary = pd.concat([earlier.summary, summary], ignore_index=True)
-        # An empty table would make the numbers objects, which are written otherwise.
-        sharp = pd.concat([earlier.sharp, sharp], ignore_index=True) if len(sharp) else earlier.sharp
-        estimates = pd.concat([earlier.estimates, estimates], ignore_index=True)
-        kept = earlier.metrics
-        metadata["weights"] |= earlier.metadata["weights"]
-        metadata[SUBSETS] |= earlier.metadata.get(SUBSETS, {})
-        metadata["blur"]["estimators"] |= earlier.metadata["blur"]["estimators"]
-        if earlier.metadata.get(SUMMARISED):
-            metadata[SUMMARISED] = earlier.metadata[SUMMARISED]
-    with store.replacing_folder(out) as folder:
-        write_csv(folder / SUMMARY_FILE, summary)
-        write_csv(folder / SHARP_FILE, sharp)
-        write_csv(folder / PATCHES_FILE, _patches(frames))
-        store.write_table(folder / ESTIMATES_FILE, estimates, BLUR_ESTIMATES)
-        store.write_json(folder / METRICS_FILE, kept | metrics)
-        store.write_json(folder / PROVENANCE_FILE, metadata)
-    return metrics
+    count = {"frames": len(measured_frames), "patches": sum(len(item.patches["mtf"]) for item in measured_frames)}
+    metadata = _provenance(request, frames, bank, weights, patches_per_frame)
+    metadata[SUBSETS] = {name: dict(count) for name in estimators}
+    earlier = others(request.out, metadata) if join else None
+    measured = _measured(request, estimators, measured_frames, all_patches, bank, metadata)
+    content = measured if earlier is None else earlier.joined_by(measured)
+    content.write(request.out, frames)
+    return measured.metrics
 
 
 @dataclass(frozen=True)
-class Others:
-    """What a record holds of estimators that are not measured again.
+class Content:
+    """What a record holds of some estimators.
 
     Attributes:
-        metadata: its provenance, of those estimators.
+        metadata: its provenance, of these estimators.
         summary, sharp: see `pipeline.experiments.blur_records.BlurRecord`.
         estimates: of those that it keeps estimates of (`pipeline.experiments.tables.BLUR_ESTIMATES`).
         metrics: estimator -> metrics.
@@ -181,8 +123,42 @@ class Others:
     estimates: pd.DataFrame
     metrics: dict[str, Any]
 
+    def joined_by(self, new: Content) -> Content:
+        """This and what was measured of other estimators, whose provenance is that of both where they agree."""
+        import pandas as pd
 
-def others(folder: Path, metadata: Mapping[str, Any]) -> Others | None:
+        metadata = dict(new.metadata)
+        metadata["weights"] = new.metadata["weights"] | self.metadata["weights"]
+        metadata[SUBSETS] = new.metadata[SUBSETS] | self.metadata.get(SUBSETS, {})
+        both = new.metadata["blur"]["estimators"] | self.metadata["blur"]["estimators"]
+        metadata["blur"] = new.metadata["blur"] | {"estimators": both}
+        if self.metadata.get(SUMMARISED):
+            metadata[SUMMARISED] = self.metadata[SUMMARISED]
+        summary, estimates = (
+            pd.concat(tables, ignore_index=True)
+            for tables in ([self.summary, new.summary], [self.estimates, new.estimates])
+        )
+        # An empty table would make the numbers objects, which are written otherwise.
+        sharp = pd.concat([self.sharp, new.sharp], ignore_index=True) if len(new.sharp) else self.sharp
+        return Content(metadata, summary, sharp, estimates, self.metrics | new.metrics)
+
+    def write(self, out: Path, frames: Sequence[TestFrame]) -> None:
+        """Write the record.
+
+        Args:
+            out: folder; replaced.
+            frames: with the patches measured.
+        """
+        with store.replacing_folder(out) as folder:
+            write_csv(folder / SUMMARY_FILE, self.summary)
+            write_csv(folder / SHARP_FILE, self.sharp)
+            write_csv(folder / PATCHES_FILE, _patches(frames))
+            store.write_table(folder / ESTIMATES_FILE, self.estimates, BLUR_ESTIMATES)
+            store.write_json(folder / METRICS_FILE, self.metrics)
+            store.write_json(folder / PROVENANCE_FILE, self.metadata)
+
+
+def others(folder: Path, metadata: Mapping[str, Any]) -> Content | None:
     """What a folder holds of estimators other than those of a new measurement; None where there is no such folder.
 
     Args:
@@ -194,10 +170,8 @@ def others(folder: Path, metadata: Mapping[str, Any]) -> Others | None:
     """
     if not folder.is_dir():
         return None
-    earlier, metadata = (
-        provenance_of(folder, KEYS),
-        json.loads(json.dumps(metadata)),
-    )  # lists for tuples, as in the file
+    earlier = provenance_of(folder, KEYS)
+    metadata = json.loads(json.dumps(metadata))  # lists for tuples, as in the file
     new, old = (
         {name: one["blur"][name] for name in one["blur"] if name != "estimators"} for one in (metadata, earlier)
     )
@@ -217,20 +191,54 @@ def others(folder: Path, metadata: Mapping[str, Any]) -> Others | None:
     tables = (known.summary, known.sharp, estimates_of(folder))
     summary, sharp, estimates = (table[table["estimator"].isin(names)] for table in tables)
     metrics = {name: item for name, item in store.read_json(folder / METRICS_FILE).items() if name in names}
-    return Others(earlier, summary, sharp, estimates, metrics)
+    return Content(earlier, summary, sharp, estimates, metrics)
+
+
+def _measured(
+    request: Request,
+    estimators: Sequence[str],
+    frames: Sequence[TestFrame],
+    all_patches: Sequence[TestFrame],
+    bank: Sequence[Kernel],
+    metadata: dict[str, Any],
+) -> Content:
+    """Estimates of each estimator, what they are summarised to, and the provenance given."""
+    import pandas as pd
+
+    config = request.config
+    measured = [
+        table_one.measure(
+            {name: table_one.Candidate.configured(config.blur.estimators[name])},
+            frames,
+            stored.as_stored(bank),
+            calibration_frames=all_patches,
+            camera=config.camera,
+            seed=config.seed,
+            draws=config.blur.bootstrap_draws,
+            executor=request.executor,
+            label=f"blur of {request.dataset} by {{}}".format,
+        )
+        for name in estimators
+    ]
+    # A relative MTF of sharp frames is no curve of theirs: with no other estimator there are no rows.
+    absolute = pd.concat([one.estimates[one.estimates["relative_to"] == SYSTEM] for one in measured], ignore_index=True)
+    summary, estimates = (
+        pd.concat(tables, ignore_index=True)
+        for tables in ([one.summary for one in measured], [one.estimates for one in measured])
+    )
+    metrics = {name: table_one_metrics(one.summary) for name, one in zip(estimators, measured, strict=True)}
+    return Content(metadata, summary, sharp_curves(absolute, config.seed), estimates, metrics)
 
 
 def _provenance(
-    config: Config,
-    dataset: str,
-    source: str,
+    request: Request,
     frames: Sequence[TestFrame],
     bank: Sequence[Kernel],
     weights: Mapping[str, Mapping[str, str]],
     patches_per_frame: int | None,
 ) -> dict[str, Any]:
     """As `pipeline.recording.provenance.provenance`, with the settings of the blur and of its kernels."""
-    section = config.blur
+    config, section = request.config, request.config.blur
     estimators = {
         name: section.estimators[name].model_copy(update={"per_frame": patches_per_frame}).model_dump()
         for name in weights
@@ -240,15 +248,16 @@ def _provenance(
         "psf": config.psf.model_dump(exclude={"folder"}),
     }
     known = {name: files for name, files in weights.items() if files}
-    metadata = provenance(config, dataset, source, (item.frame for item in frames), settings, known, bank)
+    pictures = (item.frame for item in frames)
+    metadata = provenance(config, request.dataset, request.source, pictures, settings, known, bank)
     return metadata | metadata.pop("settings")
 
 
-def _frames(config: Config, dataset: str, run_map: Map) -> tuple[list[TestFrame], list[TestFrame]]:
+def _frames(request: Request) -> tuple[list[TestFrame], list[TestFrame]]:
     """Usable frames with the patches to evaluate on, and with all of them, as the stages take them."""
-    result = indexed(config, dataset, run_map)
-    some, every = (result.patches_for("blur", count) for count in (config.blur.patches_per_frame, None))
-    where = f"dataset '{dataset}'"
+    result = indexed(request.config, request.dataset, request.run_map)
+    some, every = (result.patches_for("blur", count) for count in (request.config.blur.patches_per_frame, None))
+    where = f"dataset '{request.dataset}'"
     return with_patches(result.usable, {"mtf": some}, where), with_patches(result.usable, {"mtf": every}, where)
 
 

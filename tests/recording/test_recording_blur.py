@@ -24,6 +24,7 @@ from pipeline.executor import run_map
 from pipeline.experiments import blur_records
 from pipeline.experiments.tables import BLUR_ESTIMATES, BLUR_SUMMARY
 from pipeline.recording.blur import record
+from pipeline.recording.frames import Request
 from pipeline.stages.blur import run as stage
 
 REPO = Path(__file__).resolve().parents[2]
@@ -53,7 +54,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def recorded(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     position = tmp_path_factory.mktemp("recorded")
-    numbers = record(configured(root), "mine", ESTIMATORS, position / "mine-blur", "made up (CC0)", MAP)
+    numbers = record(Request(configured(root), "mine", position / "mine-blur", "made up (CC0)", MAP), ESTIMATORS)
     assert set(numbers) == set(ESTIMATORS) and set(numbers["camera_calibrated"]) == {"calibrated"}
     assert store.read_json(position / "mine-blur/metrics.json")["spectral"]["raw"] == numbers["spectral"]["raw"]
     return position
@@ -106,7 +107,7 @@ def test_earlier_moments_and_the_papers_kernels_are_named_too(tmp_path: Path) ->
     disc.parent.mkdir(parents=True)
     store.write_image(disc, np.full((7, 7), 255, np.uint8))
     config = configured(root, "psf=paper", f"psf.folder={tmp_path / 'kernels'}", "psf.kinds=[defocus]", kind="kitti")
-    record(config, "mine", ["spectral"], tmp_path / "out", "made up", MAP)
+    record(Request(config, "mine", tmp_path / "out", "made up", MAP), ["spectral"])
     content = store.read_json(tmp_path / "out/provenance.json")
     assert content["kernels"] == {"defocus_7": hashlib.sha256(disc.read_bytes()).hexdigest()}
     assert set(content["previous"]) == {"000000_01.png", "000001_01.png"} and set(content["frames"]) == {
@@ -119,7 +120,7 @@ def test_earlier_moments_and_the_papers_kernels_are_named_too(tmp_path: Path) ->
 def test_no_place_of_the_machine_and_no_picture_is_kept(root: Path, recorded: Path, tmp_path: Path) -> None:
     weights = REPO / "data/weights/mtf_spectral.safetensors"
     selected = configured(root, f"+blur.estimators.spectral.options.weights={weights}")
-    record(selected, "mine", ["spectral"], tmp_path / "out", "made up", MAP)
+    record(Request(selected, "mine", tmp_path / "out", "made up", MAP), ["spectral"])
     assert store.read_json(tmp_path / "out/provenance.json")["blur"]["estimators"]["spectral"]["options"] == {
         "weights": weights.name
     }
@@ -136,7 +137,10 @@ def test_one_and_two_workers_write_the_same_bytes(root: Path, tmp_path: Path) ->
     """Calibrated: see the stage's test."""
     for workers in (1, 2):
         position = tmp_path / str(workers)
-        record(configured(root), "mine", ["spectral"], position, "made up (CC0)", partial(run_map, workers=workers))
+        record(
+            Request(configured(root), "mine", position, "made up (CC0)", partial(run_map, workers=workers)),
+            ["spectral"],
+        )
     for path in (tmp_path / "1").iterdir():
         assert path.read_bytes() == (tmp_path / "2" / path.name).read_bytes(), path.name
 
@@ -144,7 +148,7 @@ def test_one_and_two_workers_write_the_same_bytes(root: Path, tmp_path: Path) ->
 def test_what_is_absent_is_named_and_nothing_is_written(root: Path, tmp_path: Path) -> None:
     def refused(config: Config, names: list[str], match: str) -> None:
         with pytest.raises(InputError, match=match):
-            record(config, "mine", names, tmp_path / "out", "", MAP)
+            record(Request(config, "mine", tmp_path / "out", "", MAP), names)
         assert not (tmp_path / "out").exists()
 
     refused(configured(tmp_path / "none"), ["spectral"], "datasets.mine.root")
@@ -175,7 +179,7 @@ def test_an_estimator_joins_those_recorded(root: Path, recorded: Path, tmp_path:
     """One after the other gives what both at once give; measuring one again leaves the other as it was."""
     out, together = tmp_path / "mine-blur", recorded / "mine-blur"
     for names in (ESTIMATORS[:1], ESTIMATORS[1:], ESTIMATORS[:1]):
-        record(configured(root), "mine", names, out, "made up (CC0)", MAP, join=True)
+        record(Request(configured(root), "mine", out, "made up (CC0)", MAP), names, join=True)
         assert store.read_json(out / "provenance.json")["blur"]["estimators"].keys() >= set(names)
     for name in ("metrics.json", "provenance.json"):
         assert store.read_json(out / name) == store.read_json(together / name)
@@ -194,5 +198,5 @@ def test_only_what_was_measured_alike_can_join(root: Path, recorded: Path, tmp_p
     before = {path.name: path.read_bytes() for path in out.iterdir()}
     for other, word in (("seed=7", "seed"), ("blur.patches_per_frame=2", "blur"), ("psf.sizes_px=[3]", "kernels, psf")):
         with pytest.raises(InputError, match=f"measured with another {word}"):
-            record(configured(root, other), "mine", ["spectral"], out, "made up (CC0)", MAP, join=True)
+            record(Request(configured(root, other), "mine", out, "made up (CC0)", MAP), ["spectral"], join=True)
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before

@@ -20,6 +20,7 @@ from pipeline.experiments.condition import SHARP
 from pipeline.experiments.tables import BLUR_ESTIMATES
 from pipeline.recording.blur import record
 from pipeline.recording.blur_statistics import summarise_again
+from pipeline.recording.frames import Request
 from pipeline.recording.kept_results import keeping
 from pipeline.recording.provenance import write_csv
 
@@ -34,7 +35,7 @@ def configured(root: Path) -> Config:
 
 
 def measured(root: Path, out: Path, *names: str, kept: Path | None = None) -> None:
-    record(configured(root), "mine", names, out, "made up (CC0)", keeping(kept), join=True)
+    record(Request(configured(root), "mine", out, "made up (CC0)", keeping(kept)), names, join=True)
 
 
 @pytest.fixture(scope="module")
