@@ -13,14 +13,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline import store
 from pipeline.camera.processing.codec import Codec
 from pipeline.experiments import noise_examples
 from pipeline.experiments.real_noise_records import EXAMPLES_FILE, EXAMPLES_PROVENANCE_FILE, example_crop
 from pipeline.noise import real_noise
-from pipeline.recording.provenance import content_sha256, noise_weights, write_csv
+from pipeline.recording.provenance import sha256_of, weights_of_kinds, write_record
 from pipeline.report import style
-from pipeline.store import file_sha256
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,19 +58,16 @@ def record(real: Path, mean: Path, frames: Sequence[Path], out: Path, source: st
     ]
     estimators = real_noise.estimators(KINDS)
     table = pd.concat([noise_examples.measure(example, estimators) for example in examples], ignore_index=True)
-    files = {path.name: file_sha256(path) for path in (real, mean, *frames)}
-    provenance = {
+    crops = {
+        example_crop(number): style.middle(example.picture, CROP_PX, CROP_PX) for number, example in enumerate(examples)
+    }
+    about = {
         "source": source,
-        "files": files,
-        "inputs_sha256": content_sha256({"files": files}),
-        "weights": {name: noise_weights(kind, options) for name, (kind, options) in KINDS.items()},
+        "files": sha256_of((real, mean, *frames)),
+        "weights": weights_of_kinds(KINDS),
         "jpeg": {"sigma_dn": JPEG_SIGMA_DN, "quality": JPEG_QUALITY},
         "video": {"sigma_dn": VIDEO_SIGMA_DN, "codec": "h264", "constant_rate_factor": VIDEO_FACTOR},
         "seed": seed,
     }
-    with store.replacing_folder(out) as folder:
-        write_csv(folder / EXAMPLES_FILE, table)
-        for number, example in enumerate(examples):
-            store.write_image(folder / example_crop(number), style.middle(example.picture, CROP_PX, CROP_PX))
-        store.write_json(folder / EXAMPLES_PROVENANCE_FILE, provenance)
+    write_record(out, {EXAMPLES_FILE: table}, about, EXAMPLES_PROVENANCE_FILE, crops)
     return table

@@ -23,7 +23,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import noise as noise_estimators
-from pipeline import store
 from pipeline.camera import kernel_bank
 from pipeline.camera.psf import stored
 from pipeline.datasets.index import Index, index
@@ -44,7 +43,7 @@ from pipeline.experiments.frames import PURPOSES, TestFrame, with_patches
 from pipeline.experiments.run import Registered
 from pipeline.experiments.settings import EstimatorSettings
 from pipeline.recording.kept_results import Map, keyed
-from pipeline.recording.provenance import configured_weights, provenance, write_csv
+from pipeline.recording.provenance import configured_weights, provenance, write_record
 from pipeline.streams import stream
 
 if TYPE_CHECKING:
@@ -162,11 +161,7 @@ class Request:
             self.weights,
             kernels,
         )
-        with store.replacing_folder(self.out) as folder:
-            for name, table in tables.items():
-                write_csv(folder / name, table)
-            write_csv(folder / FRAMES_FILE, _sizes(frames))
-            store.write_json(folder / PROVENANCE_FILE, about)
+        write_record(self.out, {**tables, FRAMES_FILE: _sizes(frames)}, about, PROVENANCE_FILE)
 
 
 def record_noise(request: Request) -> pd.DataFrame:

@@ -19,7 +19,9 @@ from pipeline.store import file_sha256
 from pipeline.weight_files import active
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
+    from numpy.typing import NDArray
 
     from pipeline.camera.psf.kernel import Kernel
     from pipeline.condition import ConditionMonitor
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
     from pipeline.registry import Registry
 
 Weights = dict[str, str]
-"""File name -> SHA-256, by name."""
+"""File name -> SHA-256."""
 
 
 def provenance(
@@ -78,7 +80,7 @@ def inputs_of(frames: Sequence[Frame], kernels: Mapping[str, str] | None = None)
     """
     files: dict[str, Mapping[str, str]] = {
         "frames": {frame.name: file_sha256(frame.path) for frame in frames},
-        "previous": {path.name: file_sha256(path) for frame in frames for path in frame.previous},
+        "previous": sha256_of(path for frame in frames for path in frame.previous),
         "labels": {frame.name: _labels_sha256(frame) for frame in frames if frame.boxes},
         "kernels": dict(kernels or {}),
     }
@@ -118,6 +120,30 @@ def without_folders(content: Any) -> Any:
     if isinstance(content, (list, tuple)):
         return [without_folders(value) for value in content]
     return Path(content).name if isinstance(content, (str, Path)) and Path(content).is_absolute() else content
+
+
+def write_record(
+    out: Path,
+    tables: Mapping[str, pd.DataFrame],
+    about: Mapping[str, Any],
+    about_file: str,
+    pictures: Mapping[str, NDArray[np.uint8]] | None = None,
+) -> None:
+    """Write tables and where they come from.
+
+    Args:
+        out: folder; replaced.
+        tables: file name -> table.
+        about: the provenance; `content_sha256` of it is added.
+        about_file: its file name.
+        pictures: file name -> (h, w) picture to look at.
+    """
+    with store.replacing_folder(out) as folder:
+        for name, table in tables.items():
+            write_csv(folder / name, table)
+        for name, picture in (pictures or {}).items():
+            store.write_image(folder / name, picture)
+        store.write_json(folder / about_file, {**about, "inputs_sha256": content_sha256(about)})
 
 
 def write_csv(path: Path, table: pd.DataFrame) -> None:
@@ -163,6 +189,24 @@ def noise_weights(kind: str, options: Mapping[str, Any] | None = None) -> Weight
         InputError: there is no such estimator, or a file is absent.
     """
     return _sha256(_files(noise.REGISTRY, kind, dict(options or {})).values(), f"noise estimator '{kind}'")
+
+
+def weights_of_kinds(kinds: Mapping[str, tuple[str, Mapping[str, Any]]]) -> dict[str, Weights]:
+    """Weights of noise estimators by their name in a table; those without any are left out.
+
+    Args:
+        kinds: name in the table -> registered name and options.
+
+    Raises:
+        InputError: there is no such estimator, or a file is absent.
+    """
+    by_name = {name: noise_weights(kind, options) for name, (kind, options) in kinds.items()}
+    return {name: files for name, files in by_name.items() if files}
+
+
+def sha256_of(paths: Iterable[Path]) -> Weights:
+    """File name -> SHA-256."""
+    return {path.name: file_sha256(path) for path in paths}
 
 
 def monitor_weights(monitor: ConditionMonitor) -> Weights:
@@ -220,4 +264,4 @@ def _sha256(paths: Iterable[Path], of: str) -> Weights:
     for path in files:
         if not path.is_file():
             raise InputError(f"weights of {of}: no file {path}; restore data/weights")
-    return {path.name: file_sha256(path) for path in files}
+    return sha256_of(files)

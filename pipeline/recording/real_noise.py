@@ -14,12 +14,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline import store
 from pipeline.experiments.real_noise import Kinds, measure_pairs
 from pipeline.experiments.real_noise_records import PATCHES_FILE, PROVENANCE_FILE, SUMMARY_FILE
 from pipeline.noise import real_noise
-from pipeline.recording.provenance import content_sha256, noise_weights, without_folders, write_csv
-from pipeline.store import file_sha256
+from pipeline.recording.provenance import sha256_of, weights_of_kinds, without_folders, write_record
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -57,7 +55,7 @@ def record(
     """
     import pandas as pd
 
-    weights = {name: noise_weights(kind, options) for name, (kind, options) in kinds.items()}
+    weights = weights_of_kinds(kinds)
     patches: list[pd.DataFrame] = []
     summaries: list[pd.DataFrame] = []
     files: dict[str, dict[str, str]] = {}
@@ -66,15 +64,12 @@ def record(
         for part, rows in ((table, patches), (real_noise.summarise(table, seed, draws), summaries)):
             part.insert(0, "dataset", name)
             rows.append(part)
-        files[name] = {
-            path.name: file_sha256(path) for pair in real_noise.pairs(folder) for path in (pair.real, pair.mean)
-        }
+        files[name] = sha256_of(path for pair in real_noise.pairs(folder) for path in (pair.real, pair.mean))
     summary = pd.concat(summaries, ignore_index=True)
-    provenance = {
+    about = {
         "source": source,
         "datasets": files,
-        "inputs_sha256": content_sha256({"datasets": files}),
-        "weights": {name: files for name, files in weights.items() if files},
+        "weights": weights,
         "estimators": {
             name: {"kind": kind, "options": without_folders(options)} for name, (kind, options) in kinds.items()
         },
@@ -82,8 +77,6 @@ def record(
         "seed": seed,
         "bootstrap_draws": draws,
     }
-    with store.replacing_folder(out) as folder:
-        write_csv(folder / PATCHES_FILE, pd.concat(patches, ignore_index=True))
-        write_csv(folder / SUMMARY_FILE, summary)
-        store.write_json(folder / PROVENANCE_FILE, provenance)
+    tables = {PATCHES_FILE: pd.concat(patches, ignore_index=True), SUMMARY_FILE: summary}
+    write_record(out, tables, about, PROVENANCE_FILE)
     return summary

@@ -13,11 +13,10 @@ Measured by hand, with ``camera-monitor record sensor``. Frames are named by the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline import store
 from pipeline.datasets.raw_frames import raw_frames
 from pipeline.experiments.real_noise import Kinds, measure_raw
 from pipeline.experiments.real_noise_records import (
@@ -31,8 +30,7 @@ from pipeline.experiments.real_noise_records import (
 )
 from pipeline.experiments.sensor_constants import sensor_constants
 from pipeline.noise.real_noise import summarise
-from pipeline.recording.provenance import content_sha256, noise_weights, write_csv
-from pipeline.store import file_sha256
+from pipeline.recording.provenance import sha256_of, weights_of_kinds, write_record
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -74,29 +72,27 @@ def record(
     Raises:
         InputError: frames are absent, broken or too few, or there is no such estimator.
     """
-    weights = {name: noise_weights(kind, options) for name, (kind, options) in kinds.items()}
+    weights = weights_of_kinds(kinds)
     lit, unlit = raw_frames(light), raw_frames(dark)
     sensor = sensor_constants(lit, unlit, white_dn)
     patches = measure_raw(lit, sensor.fits, white_dn, kinds, run_map, "noise of raw frames")
-    hashes: Mapping[str, Mapping[str, str]] = {
-        name: {frame.path.name: file_sha256(frame.path) for frame in frames}
-        for name, frames in (("light", lit), ("dark", unlit))
+    tables = {
+        TRANSFER_FILE: sensor.transfer,
+        POINTS_FILE: sensor.points,
+        DARK_FILE: sensor.dark,
+        DARK_MEANS_FILE: sensor.dark_means,
+        RAW_PATCHES_FILE: patches,
+        RAW_SUMMARY_FILE: summarise(patches, seed, draws),
     }
-    with store.replacing_folder(out) as folder:
-        write_csv(folder / TRANSFER_FILE, sensor.transfer)
-        write_csv(folder / POINTS_FILE, sensor.points)
-        write_csv(folder / DARK_FILE, sensor.dark)
-        write_csv(folder / DARK_MEANS_FILE, sensor.dark_means)
-        write_csv(folder / RAW_PATCHES_FILE, patches)
-        write_csv(folder / RAW_SUMMARY_FILE, summarise(patches, seed, draws))
-        provenance = {
-            "source": source,
-            "frames": hashes,
-            "inputs_sha256": content_sha256({"frames": hashes}),
-            "weights": {name: files for name, files in weights.items() if files},
-            "white_dn": white_dn,
-            "seed": seed,
-            "bootstrap_draws": draws,
-        }
-        store.write_json(folder / RAW_PROVENANCE_FILE, provenance)
+    about = {
+        "source": source,
+        "frames": {
+            name: sha256_of(frame.path for frame in frames) for name, frames in (("light", lit), ("dark", unlit))
+        },
+        "weights": weights,
+        "white_dn": white_dn,
+        "seed": seed,
+        "bootstrap_draws": draws,
+    }
+    write_record(out, tables, about, RAW_PROVENANCE_FILE)
     return sensor.transfer
