@@ -11,6 +11,7 @@ exceed it has an interval that begins at 0.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -56,6 +57,26 @@ SPREAD = Schema(
     },
     {"target_sigma_dn": "DN", "kernel_size_px": "px", "spread_percent": "percent points", "worst_angle_deg": "deg"},
 )
+
+
+def of_labels(
+    table: pd.DataFrame, draws: Mapping[str, NDArray[np.float64]], tolerance: float
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """`tables` of every class, one below the other by label.
+
+    Args:
+        table: `pipeline.curves.precision.PRECISION`.
+        draws: label -> (rows, B) percent.
+        tolerance: see `tables`.
+
+    Raises:
+        InputError: see `tables`.
+    """
+    import pandas as pd
+
+    parts = [tables(table[table["label"] == label], draws[label], tolerance) for label in sorted(draws)]
+    rows, spread = (pd.concat(each, ignore_index=True) for each in zip(*parts, strict=True))
+    return rows, spread
 
 
 def tables(rows: pd.DataFrame, draws: NDArray[np.float64], tolerance: float) -> tuple[pd.DataFrame, pd.DataFrame]:

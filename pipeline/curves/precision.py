@@ -8,6 +8,7 @@ is a difference between two conditions is not also one between two samples. Inte
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +26,8 @@ from pipeline.store import Schema
 from pipeline.streams import stream
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import pandas as pd
 
     from pipeline.curves.settings import CurvesSettings
@@ -221,6 +224,58 @@ def tuples(rows: pd.DataFrame, draws: Floats, average: bool) -> tuple[pd.DataFra
     means = [[*key, *group[columns[2:]].mean(skipna=False)] for key, group in groups]
     drawn = [draws[group.index].mean(axis=0) for _, group in groups]
     return pd.DataFrame(means, columns=columns), np.stack(drawn)
+
+
+@dataclass(frozen=True)
+class LabelCurves:
+    """Curves through the average precisions of a sweep, of each class.
+
+    Attributes:
+        surfaces: label -> its surface.
+        heat: `HEAT` of these.
+        isolated: `ISOLATED` of every class.
+        refused: label -> why it has no surface.
+    """
+
+    surfaces: dict[str, Surface]
+    heat: pd.DataFrame
+    isolated: pd.DataFrame
+    refused: dict[str, str]
+
+    def save_surfaces(self, folder: Path) -> None:
+        """Write each surface into a folder, see `surface_file`."""
+        for label, kept in self.surfaces.items():
+            kept.save(folder / surface_file(label))
+
+
+def surface_file(label: str) -> str:
+    """Name of the file that holds the surface of a class."""
+    return f"surface-{label.replace(' ', '_')}.npz"
+
+
+def label_curves(table: pd.DataFrame, draws: Mapping[str, Floats], section: CurvesSettings, seed: int) -> LabelCurves:
+    """Surface and isolated curves of every class.
+
+    Args:
+        table: `PRECISION`.
+        draws: label -> (rows, B) percent, of at least one class.
+        section: ``detection.curves`` of the configuration.
+        seed: root seed.
+    """
+    import pandas as pd
+
+    surfaces, heats, parts, refused = {}, [], [], {}
+    for label, drawn in draws.items():
+        rows = table[table["label"] == label].reset_index(drop=True)
+        parts.append(curves(label, rows, drawn, section, seed))
+        try:
+            surfaces[label] = surface(rows, drawn, section, seed)
+        except InputError as error:
+            refused[label] = str(error)
+        else:
+            heats.append(heat(label, surfaces[label], section.tolerance_percent, rows["objects"].max()))
+    bins = pd.concat(heats, ignore_index=True) if heats else pd.DataFrame(columns=list(HEAT.columns))
+    return LabelCurves(surfaces, bins, pd.concat(parts, ignore_index=True), refused)
 
 
 def surface(rows: pd.DataFrame, draws: Floats, section: CurvesSettings, seed: int) -> Surface:

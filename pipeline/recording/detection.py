@@ -34,7 +34,8 @@ if TYPE_CHECKING:
 
 RESULTS = (
     "provenance.json", "metrics.json", "precision.csv", "conditions.csv", f"{DIRECTION}.csv", f"{SPREAD}.csv",
-    "iopc.csv", "iopc.png", "iopc.svg", "iopc_heat.csv", "iopc_heat.png", "iopc_heat.svg", "surface-*.npz",
+    "iopc.csv", "iopc.png", "iopc.svg", "iopc_heat.csv", "iopc_heat.png", "iopc_heat.svg", "refused.json",
+    "surface-*.npz",
 )  # fmt: skip
 """Files of a record, its provenance first; a pattern for the surfaces of the classes."""
 
@@ -67,32 +68,24 @@ def record(config: Config, dataset: str, detector: str, out: Path, source: str, 
     frames = _frames(config, dataset)
     table, draws, conditions = _measure(config, dataset, detector, frames, run_map)
     labels = [label for label in draws if (table.loc[table["label"] == label, "objects"] > 0).any()]
-    surfaces, heats, isolated = {}, [], []
-    for label in labels:
-        rows = table[table["label"] == label].reset_index(drop=True)
-        isolated.append(precision.curves(label, rows, draws[label], settings.curves, config.seed))
-        try:
-            surfaces[label] = precision.surface(rows, draws[label], settings.curves, config.seed)
-        except InputError:  # too few conditions for a surface; the curves and the table of conditions remain
-            continue
-        heats.append(precision.heat(label, surfaces[label], settings.curves.tolerance_percent, rows["objects"].max()))
     if not labels:
         raise InputError(f"dataset '{dataset}': no object of a class that detectors know; see its labels")
-    numbers = precision.metrics(table[table["label"].isin(labels)], surfaces)
-    turned = _directions(table, draws, labels, settings.curves.tolerance_percent)
+    table, draws = table[table["label"].isin(labels)], {label: draws[label] for label in labels}
+    through = precision.label_curves(table, draws, settings.curves, config.seed)
+    numbers = precision.metrics(table, through.surfaces)
+    turned = _directions(table, draws, settings.curves.tolerance_percent)
     with store.replacing_folder(out) as folder:
         for name, part in turned.items():
             write_csv(folder / f"{name}.csv", part)
-        write_csv(folder / "precision.csv", table[table["label"].isin(labels)])
+        write_csv(folder / "precision.csv", table)
         write_csv(folder / "conditions.csv", conditions)
-        figures = (("iopc", isolated, detection_figures.iopc), ("iopc_heat", heats, detection_figures.heat))
-        for name, parts, draw in figures:
-            if not parts:
-                continue
-            drawing = draw(_joined(parts).assign(detector=detector))
+        drawings = {"iopc": detection_figures.iopc(through.isolated.assign(detector=detector))}
+        if through.surfaces:
+            drawings["iopc_heat"] = detection_figures.heat(through.heat.assign(detector=detector))
+        for name, drawing in drawings.items():
             style.save(drawing.figure, folder / name, drawing.values)
-        for label, surface in surfaces.items():
-            surface.save(folder / f"surface-{label}.npz")
+        through.save_surfaces(folder)
+        store.write_json(folder / "refused.json", through.refused)
         store.write_json(folder / "metrics.json", numbers)
         store.write_json(
             folder / "provenance.json",
@@ -115,17 +108,11 @@ def record(config: Config, dataset: str, detector: str, out: Path, source: str, 
     return numbers
 
 
-def _directions(
-    table: pd.DataFrame, draws: dict[str, Any], labels: list[str], tolerance: float
-) -> dict[str, pd.DataFrame]:
+def _directions(table: pd.DataFrame, draws: dict[str, Any], tolerance: float) -> dict[str, pd.DataFrame]:
     """The blur-direction table and the spread over directions, as the stage `direction`; empty with one direction."""
-    import pandas as pd
-
     if table.loc[table["kernel_size_px"] > 0, "angle_deg"].nunique() < 2:
         return {}
-    parts = [directions.tables(table[table["label"] == label], draws[label], tolerance) for label in labels]
-    rows, spread = (pd.concat(each, ignore_index=True) for each in zip(*parts, strict=True))
-    return {DIRECTION: rows, SPREAD: spread}
+    return dict(zip((DIRECTION, SPREAD), directions.of_labels(table, draws, tolerance), strict=True))
 
 
 def _frames(config: Config, dataset: str) -> list[Frame]:
@@ -176,9 +163,3 @@ def _measure(
 
 def _look(one: detect.Sweep, work: tuple[Any, Any]) -> dict[str, Any]:
     return one.detect(*work)
-
-
-def _joined(parts: list[pd.DataFrame]) -> pd.DataFrame:
-    import pandas as pd
-
-    return pd.concat(parts, ignore_index=True)

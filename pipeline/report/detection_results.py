@@ -143,8 +143,9 @@ def recorded(inputs: ReportInputs) -> list[Recorded]:
         heat = pd.DataFrame(columns=list(precision.HEAT.columns)) if heat is None else heat
         turned = {"directions": DIRECTION, "spread": SPREAD}  # of several directions only
         also = {name: optional(path.parent, f"{file}.csv") for name, file in turned.items()}
-        kept = {each.stem.removeprefix("surface-"): each for each in sorted(path.parent.glob("surface-*.npz"))}
-        surfaces = {label: Surface.load(each) for label, each in kept.items()}
+        files = {label: path.parent / precision.surface_file(label) for label in table["label"].unique()}
+        surfaces = {label: Surface.load(file) for label, file in files.items() if file.is_file()}
+        also["refused"] = optional(path.parent, "refused.json") or {}
         results = Results(about["dataset"], about["detector"]["kind"], table, heat, isolated, surfaces=surfaces, **also)
         records.append(Recorded(path.parent.name.replace("-", "_"), results, about))
     return records

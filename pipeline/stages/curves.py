@@ -10,15 +10,12 @@ USES: dict[str, list[str]] = {"pipeline.detection": [], "pipeline.blur": [], "pi
 @stage("curves", reads=["seed", "detection.evaluation", "detection.curves"], job=["dataset", "detector"], uses=USES)
 def run(run: Run) -> None:
     """Judge every condition; write average precisions, surfaces that can be queried, isolated curves and metrics."""
-    import pandas as pd
-
     from pipeline import store
     from pipeline.curves import precision
-    from pipeline.errors import InputError
     from pipeline.experiments import detect, tables
 
     name, params = f"{run.job['dataset']}-{run.job['detector']}", run.params
-    folder, settings = run.inputs / "data/detect" / name, params.detection.curves
+    folder = run.inputs / "data/detect" / name
     conditions = store.read_table(
         run.inputs / f"data/measured/{run.job['dataset']}/conditions.parquet", tables.CONDITIONS
     )
@@ -32,26 +29,16 @@ def run(run: Run) -> None:
         params.detection.evaluation,
         params.seed,
     )
-    surfaces, heats, isolated, refused = {}, [], [], {}
-    for label, drawn in draws.items():
-        rows = table[table["label"] == label].reset_index(drop=True)
-        isolated.append(precision.curves(label, rows, drawn, settings, params.seed))
-        try:
-            surfaces[label] = precision.surface(rows, drawn, settings, params.seed)
-        except InputError as error:
-            refused[label] = str(error)
-        else:
-            heats.append(precision.heat(label, surfaces[label], settings.tolerance_percent, rows["objects"].max()))
-    empty = pd.DataFrame(columns=list(precision.HEAT.columns))
+    through = precision.label_curves(table, draws, params.detection.curves, params.seed)
     with store.replacing_folder(run.outputs / "data/curves" / name) as out:
         store.write_table(out / "precision.parquet", table, precision.PRECISION)
         store.write_arrays(out / "draws.npz", **draws)
-        store.write_table(out / "heat.parquet", pd.concat(heats) if heats else empty, precision.HEAT)
-        store.write_table(out / "isolated.parquet", pd.concat(isolated), precision.ISOLATED)
-        store.write_json(out / "refused.json", refused)
-        for label, surface in surfaces.items():
-            surface.save(out / f"surface-{label.replace(' ', '_')}.npz")
-    store.write_json(run.outputs / f"reports/metrics/curves/{name}.json", precision.metrics(table, surfaces))
+        store.write_table(out / "heat.parquet", through.heat, precision.HEAT)
+        store.write_table(out / "isolated.parquet", through.isolated, precision.ISOLATED)
+        store.write_json(out / "refused.json", through.refused)
+        through.save_surfaces(out)
+    metrics = precision.metrics(table, through.surfaces)
+    store.write_json(run.outputs / f"reports/metrics/curves/{name}.json", metrics)
 
 
 if __name__ == "__main__":

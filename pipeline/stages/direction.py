@@ -10,8 +10,6 @@ USES: dict[str, list[str]] = {"pipeline.detection": [], "pipeline.blur": [], "pi
 @stage("direction", reads=["detection.curves.tolerance_percent"], job=["dataset", "detector"], uses=USES)
 def run(run: Run) -> None:
     """Arrange the average precisions by direction; write the table, the spread over directions and the metrics."""
-    import pandas as pd
-
     from pipeline import store
     from pipeline.curves import directions, precision
 
@@ -20,8 +18,7 @@ def run(run: Run) -> None:
     table = store.read_table(folder / "precision.parquet", precision.PRECISION)
     draws = store.read_arrays(folder / "draws.npz")
     tolerance = run.params.detection.curves.tolerance_percent
-    parts = [directions.tables(table[table["label"] == label], draws[label], tolerance) for label in sorted(draws)]
-    rows, spread = (pd.concat(each, ignore_index=True) for each in zip(*parts, strict=True))
+    rows, spread = directions.of_labels(table, draws, tolerance)
     with store.replacing_folder(run.outputs / "data/direction" / name) as out:
         store.write_table(out / "table.parquet", rows, directions.TABLE)
         store.write_table(out / "spread.parquet", spread, directions.SPREAD)

@@ -105,6 +105,22 @@ def test_the_surface_answers_where_it_was_measured_and_comes_back_from_its_file(
         precision.surface(table[table["label"] == "person"], draws["person"], SECTION, 1)
 
 
+def test_every_class_has_its_curves_and_the_reason_why_it_has_no_surface(
+    judged: tuple[pd.DataFrame, dict[str, np.ndarray]], tmp_path
+) -> None:
+    table, draws = judged
+    renamed = table.assign(label=table["label"].replace("car", "traffic light"))
+    curves = precision.label_curves(renamed, {"traffic light": draws["car"], "person": draws["person"]}, SECTION, 1)
+    alone = precision.surface(table[table["label"] == "car"], draws["car"], SECTION, 1)
+    assert list(curves.surfaces) == ["traffic light"] and "no object" in curves.refused["person"]
+    assert curves.surfaces["traffic light"].at(5.0, 0.9) == alone.at(5.0, 0.9)
+    assert set(curves.heat["label"]) == {"traffic light"} == set(curves.isolated["label"])
+    curves.save_surfaces(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["surface-traffic_light.npz"]
+    nothing = precision.label_curves(table, {"person": draws["person"]}, SECTION, 1)
+    assert nothing.heat.empty and list(nothing.heat.columns) == list(precision.HEAT.columns)
+
+
 def test_isolated_curves_hold_one_effect(judged: tuple[pd.DataFrame, dict[str, np.ndarray]]) -> None:
     table, draws = judged
     lines = precision.curves("car", table[table["label"] == "car"], draws["car"], SECTION, 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -170,6 +171,18 @@ def test_recorded_curves_carry_their_source(blocks: dict[str, Figure | Table]) -
     assert isinstance(shown, Figure) and "CC BY-NC-SA" in shown.caption
     assert "181 objects in 66 frames" in shown.caption and "behind linear motion" in shown.caption
     assert "recorded_kitti_yolox_iopc_heat" in blocks and "81 to 52 % under noise" in shown.drawing.alt
+
+
+def test_a_record_tells_its_surfaces_and_refusals_by_class(inputs: ReportInputs, tmp_path: Path) -> None:
+    folder = tmp_path / "kitti-yolox"
+    shutil.copytree(REPO / "reports/recorded/kitti-yolox", folder)
+    (folder / "surface-car.npz").rename(folder / "surface-traffic_light.npz")
+    table = pd.read_csv(folder / "precision.csv")
+    table.assign(label=table["label"].replace("car", "traffic light")).to_csv(folder / "precision.csv", index=False)
+    store.write_json(folder / "refused.json", {"bus": "too few"})
+    (record,) = detection_results.recorded(dataclasses.replace(inputs, recorded=tmp_path))
+    assert set(record.results.surfaces) == {"traffic light", "person"}
+    assert record.results.refused == {"bus": "too few"}
 
 
 def test_the_ledger_matches_the_published_regression(inputs: ReportInputs) -> None:
