@@ -16,12 +16,20 @@ from pipeline.control.policy import ControlledCamera
 from pipeline.control.state import CameraState, Limits
 from pipeline.curves.cells import Cells
 from pipeline.curves.surface import Surface
+from pipeline.detection.settings import EvaluationSettings
 from pipeline.store import write_image
 from pipeline.streams import stream
 
 REFERENCE = np.tile(np.exp(-2.0 * CYCLES_PER_PX), (2, 1))
 SIGMAS, SIZES = np.arange(0.0, 41.0, 5.0), np.array([0.0, 3, 7, 11, 15, 21, 31])
 CAMERA = ControlledCamera(Limits(), Camera())
+
+
+def judged_with(draws: int = 300) -> EvaluationSettings:
+    """Rules of the paper with so many resamples."""
+    return EvaluationSettings(
+        rule="paper", iou_threshold=0.5, min_height_px=25.0, min_visible_fraction=0.3, bootstrap_draws=draws
+    )
 
 
 def formula_ap(sigma_dn, motion_px):

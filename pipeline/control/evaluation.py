@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from pipeline.control.decision import Action
 from pipeline.control.loop import StepRecord
 from pipeline.control.motion import motion_length
 from pipeline.control.scenario import Scenario
-from pipeline.control.scoring import EvaluationCriteria, Score, average_precision
+from pipeline.control.scoring import Score, average_precision
 from pipeline.control.tables import PAIRS, STEPS, SUMMARY
 from pipeline.detection.base import Detections
 from pipeline.errors import InputError, did_you_mean
@@ -23,6 +22,8 @@ from pipeline.streams import stream
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from pipeline.detection.settings import EvaluationSettings
 
 SETTLED_STOPS = 0.25
 LOST_SATURATED, LOST_MEAN = 0.25, 0.05
@@ -35,7 +36,7 @@ def steps_table(
     policy: str,
     fold: int,
     records: Sequence[StepRecord],
-    criteria: EvaluationCriteria,
+    criteria: EvaluationSettings,
     reference: NDArray[np.float64],
     seed: int,
 ) -> pd.DataFrame:
@@ -43,7 +44,7 @@ def steps_table(
     import pandas as pd
 
     rows: list[dict[str, Any]] = []
-    without_interval = replace(criteria, bootstrap_draws=1)
+    without_interval = criteria.model_copy(update={"bootstrap_draws": 1})
     for record in records:
         mtf = record.estimate_mtf
         sigma = record.estimate_sigma_dn
@@ -72,7 +73,7 @@ def steps_table(
     return STEPS.conform(pd.DataFrame(rows))
 
 
-def score(records: Sequence[StepRecord], criteria: EvaluationCriteria, seed: int) -> Score:
+def score(records: Sequence[StepRecord], criteria: EvaluationSettings, seed: int) -> Score:
     """Average precision over all views of all records; equal seeds resample the same viewpoints."""
     results = [Detections.of(**arrays) for record in records for arrays in record.detections]
     seen = [view for record in records for view in record.views]
@@ -127,7 +128,7 @@ def summary(
     scenario: Scenario,
     tables: Mapping[str, pd.DataFrame],
     records: Mapping[str, Sequence[StepRecord]],
-    criteria: EvaluationCriteria,
+    criteria: EvaluationSettings,
     seed: int,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Policies of one scenario side by side, and their paired differences.

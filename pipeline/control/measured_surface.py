@@ -22,7 +22,7 @@ from pipeline.bisection import bisected
 from pipeline.camera.exposure import Camera, Motion, noise_generator
 from pipeline.control.motion import motion_mtf
 from pipeline.control.performance import Performance
-from pipeline.control.scoring import EvaluationCriteria, Score, average_precision
+from pipeline.control.scoring import Score, average_precision
 from pipeline.control.tables import KNOTS
 from pipeline.control.views import View
 from pipeline.curves.cells import Cells
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from pipeline.condition import ConditionMonitor
+    from pipeline.detection.settings import EvaluationSettings
 
 FREQUENCY_INDEX = 0
 """0.054 of Nyquist: the one of the eight frequencies whose MTF falls steadily up to 31 px of motion."""
@@ -204,7 +205,7 @@ def measure(
 def performance(
     measured: Sequence[Measured],
     design: SurfaceDesign,
-    criteria: EvaluationCriteria,
+    criteria: EvaluationSettings,
     fold: int,
     seed: int,
     darker: Sequence[Performance] = (),
@@ -244,7 +245,7 @@ def performance(
 def of_all_brightnesses(
     measured: Sequence[Sequence[Measured]],
     designs: Sequence[SurfaceDesign],
-    criteria: EvaluationCriteria,
+    criteria: EvaluationSettings,
     fold: int,
     seed: int,
 ) -> tuple[Performance, pd.DataFrame]:
@@ -307,7 +308,7 @@ def _estimated(
     return np.array(medians), answered
 
 
-def _scores(measured: Sequence[Measured], conditions: int, criteria: EvaluationCriteria, seed: int) -> list[Score]:
+def _scores(measured: Sequence[Measured], conditions: int, criteria: EvaluationSettings, seed: int) -> list[Score]:
     """Average precision in every condition, of the same resamples."""
     views, scores = [view for view, _ in measured], []
     for number in range(conditions):

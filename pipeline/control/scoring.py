@@ -8,7 +8,8 @@ paired. A class that no view shows is left out of the mean. Intervals are wider 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,29 +19,10 @@ from pipeline.control.views import View
 from pipeline.detection.average_precision import evaluate, mean_over_classes
 from pipeline.detection.base import Detections
 from pipeline.detection.classes import CLASS_MAPS, ClassMap
-from pipeline.detection.matching import Rule
 from pipeline.streams import stream
 
-
-@dataclass(frozen=True)
-class EvaluationCriteria:
-    """How detections are judged.
-
-    Attributes:
-        rule: ``paper`` or ``coco``.
-        iou_threshold: least intersection over union of a true positive.
-        min_height_px: lower objects are ignored.
-        min_visible_fraction: so are objects less visible.
-        bootstrap_draws: resamples of viewpoints.
-        words: classes of the dataset's labels.
-    """
-
-    rule: Rule = "paper"
-    iou_threshold: float = 0.5
-    min_height_px: float = 25.0
-    min_visible_fraction: float = 0.3
-    bootstrap_draws: int = 300
-    words: ClassMap = field(default_factory=lambda: CLASS_MAPS["sim"])
+if TYPE_CHECKING:
+    from pipeline.detection.settings import EvaluationSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +46,11 @@ class Score:
 
 
 def average_precision(
-    detections: Sequence[Detections], seen: Sequence[View], criteria: EvaluationCriteria, generator: np.random.Generator
+    detections: Sequence[Detections],
+    seen: Sequence[View],
+    criteria: EvaluationSettings,
+    generator: np.random.Generator,
+    words: ClassMap = CLASS_MAPS["sim"],
 ) -> Score:
     """Judge detections.
 
@@ -73,15 +59,16 @@ def average_precision(
         seen: the views.
         criteria: the rules.
         generator: of the bootstrap; equal generators resample the same viewpoints.
+        words: classes of the views' labels.
     """
-    truths = [criteria.words.truth(view.boxes, criteria.min_height_px, criteria.min_visible_fraction) for view in seen]
-    words = generator.integers(0, 2**63, dtype=np.uint64)
+    truths = [words.truth(view.boxes, criteria.min_height_px, criteria.min_visible_fraction) for view in seen]
+    root = generator.integers(0, 2**63, dtype=np.uint64)
     by_class = [
         evaluate(
-            detections, truths, [label], criteria.rule, criteria.iou_threshold, stream(int(words), "viewpoints"),
+            detections, truths, [label], criteria.rule, criteria.iou_threshold, stream(int(root), "viewpoints"),
             criteria.bootstrap_draws, [view.viewpoint for view in seen],
         )[label]
-        for label in criteria.words.classes
+        for label in words.classes
     ]  # fmt: skip
     mean = mean_over_classes(by_class)
     low, high = bias_corrected(mean.draws, mean.ap_percent, mean.clusters, bounds=(0.0, 100.0))

@@ -18,7 +18,6 @@ from pipeline.control.measured_surface import SurfaceDesign
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera
 from pipeline.control.scenario import Flicker, Scenario
-from pipeline.control.scoring import EvaluationCriteria
 from pipeline.control.settings import (
     ControlCameraSettings,
     ControlSettings,
@@ -28,7 +27,6 @@ from pipeline.control.settings import (
 )
 from pipeline.control.state import BASE_ISO, CameraState, Limits
 from pipeline.control.views import View
-from pipeline.detection.settings import EvaluationSettings
 from pipeline.errors import InputError
 from pipeline.store import read_arrays
 
@@ -67,17 +65,6 @@ def designs(section: ControlSurfaceSettings) -> list[SurfaceDesign]:
             for level in darker.target_levels
         ),
     ]
-
-
-def criteria(section: EvaluationSettings) -> EvaluationCriteria:
-    """The rules of ``detection.evaluation``."""
-    return EvaluationCriteria(
-        rule=section.rule,
-        iou_threshold=section.iou_threshold,
-        min_height_px=section.min_height_px,
-        min_visible_fraction=section.min_visible_fraction,
-        bootstrap_draws=section.bootstrap_draws,
-    )
 
 
 def scenario(name: str, section: ScenarioSettings) -> Scenario:

@@ -23,18 +23,21 @@ from pipeline.control.motion import motion_length
 from pipeline.control.observation import estimates
 from pipeline.control.policies.iopc_target import alpha
 from pipeline.control.replay import BRIGHTNESS_LEVELS_PER_MS, PERIOD_MS, replay
-from pipeline.control.scoring import EvaluationCriteria, average_precision
+from pipeline.control.scoring import average_precision
 from pipeline.control.state import CameraState
 from pipeline.control.tables import CONTROLLER_AP, EXAMPLE_STEPS, RESPONSE
 from pipeline.control.views import View
 from pipeline.detection import opened
 from pipeline.detection.base import Detections
+from pipeline.detection.classes import CLASS_MAPS
 from pipeline.detection.inference import detections_in
 from pipeline.detection.matching import overlaps
 from pipeline.streams import stream
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from pipeline.detection.settings import EvaluationSettings
 
 SPEED_1_PX_S, MOTION_1_PX, TARGET_1_PX = 760.0, 3, 12
 SPEED_2_PX_S, MOTION_2_PX, TARGET_2_PX = 15.0 / 0.008, 15, 7
@@ -180,7 +183,7 @@ def best_score(found: Detections, view: View, label: str) -> float:
 def tables(
     seen: Sequence[tuple[View, Sequence[Mapping[str, Any]]]],
     chosen: Sequence[Shot],
-    criteria: EvaluationCriteria,
+    criteria: EvaluationSettings,
     seed: int,
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     """Steps of both examples, the response over time, and the controllers' average precision.
@@ -218,14 +221,14 @@ def tables(
                 "high_percent": score.high_percent,
             }
         )
-    cars = replace(criteria, words=replace(criteria.words, wanted={LABEL: LABEL}))
+    cars = replace(CLASS_MAPS["sim"], wanted={LABEL: LABEL})
     built_in = [name for name in pools if name.startswith("2/built_in")]
     precision = []
     for controller, names in (
         ("camera_default", built_in), ("fixed_parameters", ["2/initial"]), ("proposed", ["2/final"])
     ):  # fmt: skip
         results = [one for name in names for one in pools[name]]
-        score = average_precision(results, views * len(names), cars, stream(seed, "controllers"))
+        score = average_precision(results, views * len(names), criteria, stream(seed, "controllers"), cars)
         values = {"low_percent": score.low_percent, "high_percent": score.high_percent}
         precision.append({"controller": controller, "car_ap_percent": score.ap_percent, **values})
     return (

@@ -52,7 +52,7 @@ def run(run: Run) -> None:
     work = setup.drives(chosen, every, surfaces)
     pictures = setup.film_steps(scenario.steps, section.film_steps)
     driven = run.map(partial(setup.drive, rig=rig, scenario=scenario, pictures=pictures), work, f"scenario {name}")
-    criteria, reference = setup.criteria(params.detection.evaluation), setup.reference(surfaces / "all.npz")
+    criteria, reference = params.detection.evaluation, setup.reference(surfaces / "all.npz")
     parts: dict[str, list[pd.DataFrame]] = {policy: [] for policy in chosen}
     records: dict[str, list] = {policy: [] for policy in chosen}
     for item, result in zip(work, driven, strict=True):

@@ -49,7 +49,7 @@ def run(run: Run) -> None:
         measure_view, folder=folder, kind=detector.kind, options=options, shared=shared, conditions=conditions
     )
     measured = dict(zip(work, run.map(measure, work, "surface for control"), strict=True))
-    criteria = setup.criteria(params.detection.evaluation)
+    criteria = params.detection.evaluation
     rows = []
     with store.replacing_folder(run.outputs / "data/control_surface") as out:
         for name, chosen in measured_surface.fold_sets(len(every)).items():

@@ -35,8 +35,7 @@ def run(run: Run) -> None:
         window=window,
     )
     seen = list(zip(work, run.map(measure, work, "worked examples"), strict=True))
-    criteria = setup.criteria(params.detection.evaluation)
-    steps, response, precision = worked_examples.tables(seen, chosen, criteria, params.seed)
+    steps, response, precision = worked_examples.tables(seen, chosen, params.detection.evaluation, params.seed)
     arrays, description = worked_examples.pictures(seen, chosen, window)
     with store.replacing_folder(run.outputs / "data/worked_examples") as out:
         store.write_arrays(out / "pictures.npz", **arrays)

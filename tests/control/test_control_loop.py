@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from control_makers import CAMERA, make_views, performance, seen_mtf
+from control_makers import CAMERA, judged_with, make_views, performance, seen_mtf
 
 from pipeline.camera.exposure import Camera
 from pipeline.control import evaluation
@@ -18,7 +18,7 @@ from pipeline.control.motion import motion_length
 from pipeline.control.observation import Estimate
 from pipeline.control.policy import Policy
 from pipeline.control.scenario import EstimatorFault, Flicker, Scenario
-from pipeline.control.scoring import EvaluationCriteria, Score
+from pipeline.control.scoring import Score
 from pipeline.control.state import CameraState
 from pipeline.control.views import View, folds, views, with_sun
 from pipeline.detection.base import Detections
@@ -95,7 +95,7 @@ class _Blind:
 @pytest.mark.parametrize("name", ["mean_intensity", "iopc_optimal", "iopc_continuous", "shin2019"])
 def test_loop_a_failed_detector_leaves_the_state_defined(seen, monkeypatch, name):
     """Policies do not depend on detections: the same settings follow, and average precision is 0, not missing."""
-    drive, criteria = scenario(), EvaluationCriteria(bootstrap_draws=5)
+    drive, criteria = scenario(), judged_with(5)
 
     def states():
         return run(make_policy(name, {}, CAMERA, performance()), rig(), drive, seen)
@@ -119,7 +119,7 @@ def test_loop_refuses_a_detection_that_is_none(seen, monkeypatch):
 def test_loop_frames_of_a_search_are_scored_like_all_others(seen, monkeypatch):
     """What Shin's simplex tries is what the robot sees."""
     monkeypatch.setattr("pipeline.control.loop.opened", lambda kind, options: _Blind())
-    drive, criteria = scenario(steps=5), EvaluationCriteria(bootstrap_draws=5)
+    drive, criteria = scenario(steps=5), judged_with(5)
     records = run(make_policy("shin2019", {"probes": 20}, CAMERA, None), rig(), drive, seen)
     table = evaluation.steps_table(drive, "shin2019", 0, records, criteria, performance().reference, 1)
     summary, _ = evaluation.summary(drive, {"shin2019": table}, {"shin2019": records}, criteria, 1)
@@ -158,7 +158,7 @@ def test_loop_oracle_and_summary(seen):
     names = ("fixed", "oracle")
     drive = scenario()
     records = {name: run(make_policy(name, {}, CAMERA, performance()), rig(), drive, seen) for name in names}
-    criteria = EvaluationCriteria(bootstrap_draws=20)
+    criteria = judged_with(20)
     tables = {
         name: evaluation.steps_table(drive, name, 0, item, criteria, performance().reference, 1)
         for name, item in records.items()
@@ -177,7 +177,7 @@ def test_loop_oracle_and_summary(seen):
 
 def test_metrics_without_the_oracle_have_no_regret(seen):
     """Unknown is not perfect: a regret of 0 would say that the policy equals the oracle."""
-    drive, criteria = scenario(steps=2), EvaluationCriteria(bootstrap_draws=5)
+    drive, criteria = scenario(steps=2), judged_with(5)
     records = run(make_policy("fixed", {}, CAMERA, None), rig(), drive, seen)
     table = evaluation.steps_table(drive, "fixed", 0, records, criteria, performance().reference, 1)
     summary, _ = evaluation.summary(drive, {"fixed": table}, {"fixed": records}, criteria, 1)
@@ -266,11 +266,11 @@ def test_a_difference_is_of_the_policy_named_first_and_a_regret_is_what_the_orac
         return Score(percent, percent - 5, percent + 5, 9, percent + np.array([-1.0, 0.0, 1.0]), 5)
 
     drive, records = scenario(steps=2), run(make_policy("fixed", {}, CAMERA, None), rig(), scenario(steps=2), seen)
-    table = evaluation.steps_table(drive, "any", 0, records, EvaluationCriteria(bootstrap_draws=5), np.ones((2, 8)), 1)
+    table = evaluation.steps_table(drive, "any", 0, records, judged_with(5), np.ones((2, 8)), 1)
     monkeypatch.setattr(evaluation, "score", score)
     monkeypatch.setattr(evaluation, "sum", lambda parts: 0, raising=False)
     summary, pairs = evaluation.summary(
-        drive, dict.fromkeys(percents, table), {name: name for name in percents}, EvaluationCriteria(), 1
+        drive, dict.fromkeys(percents, table), {name: name for name in percents}, judged_with(), 1
     )
     assert summary.set_index("policy")["regret_percent"].to_dict() == {"oracle": 0.0, "fixed": 10.0}
     rows = pairs.set_index(["policy", "other"])["difference_percent"].to_dict()

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from control_makers import judged_with
 
 from pipeline.cluster_intervals import bias_corrected
-from pipeline.control.scoring import EvaluationCriteria, average_precision
+from pipeline.control.scoring import average_precision
 from pipeline.control.views import View
 from pipeline.datasets.frame import Box
 from pipeline.detection.base import Detections
@@ -26,7 +27,7 @@ def judged(moments):
             seen.append(View(f"{name}-{moment}", name, moment, Path(), (Box("car", *BOX),)))
             boxes = np.array([BOX] if number % 2 else np.zeros((0, 4)))
             detections.append(Detections.of(boxes, np.ones(len(boxes)), ["car"] * len(boxes)))
-    return average_precision(detections, seen, EvaluationCriteria(), stream(1, "score"))
+    return average_precision(detections, seen, judged_with(), stream(1, "score"))
 
 
 def test_moments_of_a_viewpoint_do_not_narrow_the_interval():

@@ -7,11 +7,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from control_makers import judged_with
 from plug_in_makers import Darkening
 
 from pipeline.camera.exposure import Camera
 from pipeline.control import measured_surface as surface
-from pipeline.control.scoring import EvaluationCriteria
 from pipeline.control.views import View
 from pipeline.datasets.frame import Box
 from pipeline.detection.base import Detections
@@ -55,7 +55,7 @@ def measured(score_falls=True):
 
 
 def test_surface_through_measured_knots():
-    result, table = surface.performance(measured(), DESIGN, EvaluationCriteria(bootstrap_draws=10), 0, 1)
+    result, table = surface.performance(measured(), DESIGN, judged_with(10), 0, 1)
     assert len(table) == 9 and table["estimates_abstained"].sum() == 1
     for row in table.itertuples():
         answer = float(result.expected(row.true_sigma_dn, row.motion_px).ap_percent)
@@ -74,7 +74,7 @@ def test_surface_knows_how_many_viewpoints_it_rests_on(viewpoints):
         kept = part["boxes"][:, 0] >= 40 * (number % 3)  # views differ
         hits = {key: part[key][kept] for key in ("condition", "boxes", "score", "label")}
         parts.append((replace(view, name=f"{name}-0", viewpoint=name), {**part, **hits}))
-    result, table = surface.performance(parts, DESIGN, EvaluationCriteria(bootstrap_draws=200), 0, 1)
+    result, table = surface.performance(parts, DESIGN, judged_with(200), 0, 1)
     assert result.surface.scenes == viewpoints
     low, high = result.surface.cells.interval(viewpoints)
     knots = table[table["motion_px"] == 0.0]
@@ -94,7 +94,7 @@ def test_surface_refuses_impossible_designs():
     with pytest.raises(InputError, match="no object"):
         part = measured()
         empty = View("a-0", "a", 0, None, ())
-        surface.performance([(empty, part[0][1])], DESIGN, EvaluationCriteria(bootstrap_draws=5), 0, 1)
+        surface.performance([(empty, part[0][1])], DESIGN, judged_with(5), 0, 1)
 
 
 def test_surface_all_views_share_light_and_gain(tmp_path):
