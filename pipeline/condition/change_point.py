@@ -48,6 +48,7 @@ from scipy.special import ndtri
 from scipy.stats import rankdata
 
 from pipeline.condition.long_run_variance import lag_1, long_run_variance
+from pipeline.condition.structure import MAD_TO_SIGMA
 from pipeline.errors import InputError
 
 Floats = NDArray[np.float64]
@@ -58,7 +59,6 @@ LARGEST_SCORE = 6.0  # of frames beyond the reference, where it has less than th
 CONFIDENCE = 1.5  # standard errors that the reference's mean and spread are enlarged by
 LEAST_SPREAD = 0.02  # of ln(1 + sigma) and ln MTF: changes of 2 % are of no interest to an operator
 LEAST_REFERENCE = 100
-MAD_TO_SIGMA = 1.4826
 INLIER_SIGMAS = 3.5
 CAP = 2.0  # in thresholds: where a sum stops growing
 DRIFT_ERRORS = 4.0  # standard errors of the difference between a reference's thirds beyond which it has drifted

@@ -22,6 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from pipeline.condition.structure import MAD_TO_SIGMA
+
 STRIPS = 6
 MOST_PIXELS = 48  # of a line in a strip
 AROUND, NEAR = 7, 41  # lines
@@ -57,7 +59,7 @@ def _dead_rows(levels: NDArray[np.uint8]) -> NDArray[np.bool_]:
     beside = np.maximum(np.abs(apart[:, :-2]), np.abs(apart[:, 2:]))
     beside = np.pad(beside, ((0, 0), (1, 1)), constant_values=np.inf)
     sharp = np.median(beside / np.maximum(np.abs(apart), LEAST_SCALE_DN), axis=0) < MOST_BESIDE
-    scale = np.maximum(1.4826 * median_filter(np.abs(apart), (1, NEAR), mode="nearest"), LEAST_SCALE_DN)
+    scale = np.maximum(MAD_TO_SIGMA * median_filter(np.abs(apart), (1, NEAR), mode="nearest"), LEAST_SCALE_DN)
     dead = np.zeros(height, bool)
     for sign, shows in ((1, around < BRIGHTEST_DN), (-1, around > DARKEST_DN)):
         stands_out = (sign * apart > LEAST * scale) | ~shows

@@ -38,6 +38,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from pipeline.condition.structure import MAD_TO_SIGMA
+
 STRIPS = 6
 GROUP = 9  # columns whose median is taken
 MOST_GROUPS = 8  # in a strip
@@ -129,7 +131,7 @@ def _median_of_nine(values: NDArray[np.int16]) -> NDArray[np.int16]:
 
 def _deviation(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Standard deviation over the last axis, of values about 0, by the median of their magnitudes."""
-    return np.asarray(1.4826 * np.median(np.abs(values), axis=-1))
+    return np.asarray(MAD_TO_SIGMA * np.median(np.abs(values), axis=-1))
 
 
 def _every_second(profiles: NDArray[np.float64]) -> NDArray[np.float64]:
