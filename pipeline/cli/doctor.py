@@ -56,7 +56,7 @@ def installed_packages() -> dict[str, dict[str, Any]]:
     import re
     from importlib import metadata
 
-    from pipeline.cli.package_version import DISTRIBUTION
+    from pipeline.cli.package_version import DISTRIBUTION, version
 
     try:
         declared = metadata.requires(DISTRIBUTION) or []
@@ -69,7 +69,7 @@ def installed_packages() -> dict[str, dict[str, Any]]:
             continue
         name = match.group(0)
         extra = re.search(r"extra\s*==\s*['\"]([^'\"]+)['\"]", text)
-        row = packages.setdefault(name, {"version": _version_of(name), "required": False, "extras": []})
+        row = packages.setdefault(name, {"version": version(name, absent=""), "required": False, "extras": []})
         if extra is None:
             row["required"] = True
         else:
@@ -191,12 +191,3 @@ def lines(content: dict[str, Any]) -> list[str]:
     text += [f"problem: {problem}" for problem in content["problems"]] or ["no problem"]
     text.append(f"health, watch, noise, corrupt, calibrate: {'ready' if works else 'not ready'}")
     return text
-
-
-def _version_of(name: str) -> str:
-    from importlib import metadata
-
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return ""

@@ -118,7 +118,7 @@ def page(content: dict[str, Any], frames: PageFrames) -> str:
     """
     from pipeline.cli.health_rows import number
     from pipeline.cli.health_verdict import row_words
-    from pipeline.cli.templates import environment
+    from pipeline.report.templates import environment
 
     rows = content["pictures"]
     table = [
@@ -129,7 +129,7 @@ def page(content: dict[str, Any], frames: PageFrames) -> str:
         }
         for row in rows[:MOST_ROWS]
     ]  # fmt: skip
-    return environment().get_template("health.html.j2").render(
+    return environment("pipeline.cli").get_template("health.html.j2").render(
         content=content, verdict=content["verdict"], table=table, rows=len(rows), plots=_plots(content),
         sources=1 + len(_source_starts(rows)), thumbnails=frames.thumbnails, worst=frames.worst, words=row_words,
     )  # fmt: skip

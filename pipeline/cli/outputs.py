@@ -16,7 +16,7 @@ from collections.abc import Collection, Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, Self
 
 from pipeline.errors import InputError, printable
 
@@ -300,48 +300,8 @@ def plain_text(text: str) -> str:
     return f"'{text}" if text.startswith(FORMULA_STARTS) else text
 
 
-class RowFile:
-    """A CSV table that is written row by row, so that an interrupted run keeps every finished row.
-
-    Args:
-        path: the file; replaced.
-        columns: its header.
-
-    Raises:
-        OutputError: the file cannot be made or written.
-    """
-
-    def __init__(self, path: Path, columns: Sequence[str]) -> None:
-        self.path, self.columns, self.count = path, tuple(columns), 0
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = path.open("wb", buffering=0)
-        except OSError as error:
-            raise OutputError(f"{path}: cannot be written ({error.strerror}); name another file") from None
-        self._append(columns)
-
-    def __enter__(self) -> RowFile:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._file.close()
-
-    def write(self, row: Mapping[str, Any]) -> None:
-        """Append the declared columns of a row; others are left out."""
-        self._append([row[name] for name in self.columns])
-        self.count += 1
-
-    def _append(self, values: Sequence[Any]) -> None:
-        text = io.StringIO()
-        plain = [plain_text(value) if isinstance(value, str) else value for value in values]
-        csv.writer(text, lineterminator="\n").writerow(plain)
-        append(self._file, self.path, text.getvalue(), self.count)
-
-
-class LineFile:
-    """A file of JSON lines, written line by line like `RowFile`.
+class _GrowingFile:
+    """A file that is written entry by entry, so that an interrupted run keeps every finished one.
 
     Args:
         path: the file; replaced.
@@ -353,11 +313,12 @@ class LineFile:
     def __init__(self, path: Path) -> None:
         self.path, self.count = path, 0
         try:
+            path.parent.mkdir(parents=True, exist_ok=True)
             self._file = path.open("wb", buffering=0)
         except OSError as error:
             raise OutputError(f"{path}: cannot be written ({error.strerror}); name another file") from None
 
-    def __enter__(self) -> LineFile:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(
@@ -365,21 +326,56 @@ class LineFile:
     ) -> None:
         self._file.close()
 
-    def write(self, line: str) -> None:
-        """Append one line."""
-        append(self._file, self.path, f"{line}\n", self.count)
+    def _append(self, text: str) -> None:
+        """Append text in full, or name the reason and how many rows the file holds."""
+        content = text.encode("utf-8", errors="backslashreplace")
+        try:
+            while content:
+                content = content[self._file.write(content) :]
+        except OSError as error:
+            raise OutputError(f"{self.path}: {error.strerror}; the {self.count} rows before are written") from None
+
+
+class RowFile(_GrowingFile):
+    """A CSV table that is written row by row.
+
+    Args:
+        path: the file; replaced.
+        columns: its header.
+
+    Raises:
+        OutputError: the file cannot be made or written.
+    """
+
+    def __init__(self, path: Path, columns: Sequence[str]) -> None:
+        super().__init__(path)
+        self.columns = tuple(columns)
+        self._append(_csv(columns))
+
+    def write(self, row: Mapping[str, Any]) -> None:
+        """Append the declared columns of a row; others are left out."""
+        self._append(_csv([row[name] for name in self.columns]))
         self.count += 1
 
 
-def append(file: io.FileIO, path: Path, text: str, rows: int) -> None:
-    """Append text in full, or name the reason and how many rows the file holds.
+class LineFile(_GrowingFile):
+    """A file of JSON lines, written line by line like `RowFile`.
+
+    Args:
+        path: the file; replaced.
 
     Raises:
-        OutputError: the system refuses, for example because the disk is full.
+        OutputError: the file cannot be made or written.
     """
-    content = text.encode("utf-8", errors="backslashreplace")
-    try:
-        while content:
-            content = content[file.write(content) :]
-    except OSError as error:
-        raise OutputError(f"{path}: {error.strerror}; the {rows} rows before are written") from None
+
+    def write(self, line: str) -> None:
+        """Append one line."""
+        self._append(f"{line}\n")
+        self.count += 1
+
+
+def _csv(values: Sequence[Any]) -> str:
+    text = io.StringIO()
+    plain = [plain_text(value) if isinstance(value, str) else value for value in values]
+    csv.writer(text, lineterminator="\n").writerow(plain)
+    return text.getvalue()

@@ -1,8 +1,8 @@
 """Experiments on frames that the project may not keep: noise, blur and noise, denoised blur, factors of Table I.
 
 The first three are those of the stages `noise`, `combined` and `denoised_blur`, with their settings; only the frames
-are the user's. Measured by hand, with ``camera-monitor record``, and kept as small files (`pipeline.report.
-frame_records` reads them); no picture is kept.
+are the user's. Measured by hand, with ``camera-monitor record``, and kept as small files
+(`pipeline.experiments.frame_records` reads them); no picture is kept.
 
     noise_levels.csv     `pipeline.tables.NOISE_SUMMARY`
     combined_blur.csv    `pipeline.experiments.tables.BLUR_CELLS`, without noise rows

@@ -1,4 +1,4 @@
-"""The page's templates, style sheet and script, and the engine that fills them in."""
+"""The page's templates, style sheet and script, and the engine that fills templates in."""
 
 from __future__ import annotations
 
@@ -11,12 +11,16 @@ if TYPE_CHECKING:
 
 
 @functools.cache
-def environment() -> Environment:
-    """Jinja with every value escaped unless marked as safe; an unknown name is an error, not an empty string."""
+def environment(package: str = "pipeline.report") -> Environment:
+    """Jinja with every value escaped unless marked as safe; an unknown name is an error, not an empty string.
+
+    Args:
+        package: whose folder ``templates`` it reads.
+    """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     return Environment(
-        loader=PackageLoader("pipeline.report", "templates"),
+        loader=PackageLoader(package, "templates"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
