@@ -71,18 +71,6 @@ def test_params_mode_takes_job_keys_only():
     assert "Traceback" not in done.stderr
 
 
-def test_a_multirun_writes_below_its_own_folder_only(tmp_path):
-    before = (ROOT / "reports/metrics/sensor.json").read_bytes()
-    done = subprocess.run(
-        [sys.executable, "-m", "pipeline.stages.sensor", "seed=1,2", f"hydra.sweep.dir={tmp_path}", "--multirun"],
-        capture_output=True, text=True, cwd=ROOT,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    results = [(tmp_path / str(job) / "reports/metrics/sensor.json").read_bytes() for job in (0, 1)]
-    assert results[0] != results[1]
-    assert before == (ROOT / "reports/metrics/sensor.json").read_bytes()
-
-
 def test_a_mistake_in_a_multirun_is_one_line():
     done = subprocess.run(
         [sys.executable, "-m", "pipeline.stages.sensor", "camera.sensor.model=papr"],

@@ -73,10 +73,13 @@ def test_a_quoted_value_may_hold_any_letters() -> None:
         ["--multirun", "seed=1,2"],
     ],
 )
-def test_an_option_between_overrides_sweeps(arguments: list[str], tmp_path: Path) -> None:
+def test_an_option_between_overrides_sweeps_below_its_own_folder_only(arguments: list[str], tmp_path: Path) -> None:
+    before = (ROOT / "reports/metrics/sensor.json").read_bytes()
     done = stage(*arguments, f"hydra.sweep.dir={tmp_path}")
     assert done.returncode == 0, done.stderr
-    assert all((tmp_path / job / "reports/metrics/sensor.json").is_file() for job in "01")
+    first, second = ((tmp_path / job / "reports/metrics/sensor.json").read_bytes() for job in "01")
+    assert first != second
+    assert (ROOT / "reports/metrics/sensor.json").read_bytes() == before
 
 
 def stage(*arguments: str) -> subprocess.CompletedProcess[str]:
