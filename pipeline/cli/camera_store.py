@@ -66,24 +66,36 @@ class StoredCamera:
 
 
 def folder() -> Path:
-    """Where calibrations are stored."""
+    """Where calibrations are stored.
+
+    Raises:
+        InputError: the user has no home folder, and no variable names another.
+    """
     home = os.environ.get("CAMERA_MONITOR_HOME")
     if home:
         return Path(home) / "cameras"
     config = os.environ.get("XDG_CONFIG_HOME")
-    return (Path(config) if config else Path.home() / ".config") / "camera-monitor" / "cameras"
+    try:
+        return (Path(config) if config else Path.home() / ".config") / "camera-monitor" / "cameras"
+    except RuntimeError:
+        raise InputError(
+            "cameras are stored below the home folder, and there is none; set CAMERA_MONITOR_HOME"
+        ) from None
 
 
 def names() -> list[str]:
-    """Names of the stored cameras, sorted."""
-    return sorted(path.stem for path in folder().glob("*.json"))
+    """Names of the stored cameras, sorted; none without a folder for them."""
+    try:
+        return sorted(path.stem for path in folder().glob("*.json"))
+    except InputError:
+        return []
 
 
 def path_of(name: str) -> Path:
     """File of a camera.
 
     Raises:
-        InputError: not a name of letters, digits, dots, hyphens and underscores.
+        InputError: not a name of letters, digits, dots, hyphens and underscores, or see `folder`.
     """
     if not _NAME.fullmatch(name):
         raise InputError(f"camera name '{name}': expected letters, digits, '.', '-' or '_', at most 64")

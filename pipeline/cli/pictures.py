@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import stat
 from collections import Counter
@@ -172,14 +173,23 @@ def refuse(path: Path) -> None:
     """Refuse a file whose name no table, page or JSON file can hold, or whose format is not read.
 
     Raises:
-        InputError: its path is not valid UTF-8, or see `is_unread`.
+        InputError: its path is not valid UTF-8, or this locale cannot tell, or see `is_unread`.
     """
     try:
         str(path).encode("utf-8")
     except UnicodeEncodeError:
-        raise InputError(f"{printable(path)}: its name is not valid UTF-8; rename it") from None
+        raise InputError(f"{printable(path)}: {_why_unnamed(path)}") from None
     if is_unread(path):
         raise InputError(f"{path}: {path.suffix} files are not read; convert it, for example to PNG")
+
+
+def _why_unnamed(path: Path) -> str:
+    """Why a path has bytes that are no text here."""
+    try:
+        os.fsencode(path).decode("utf-8")
+    except UnicodeDecodeError:
+        return "its name is not valid UTF-8; rename it"
+    return "its name is UTF-8, which this locale does not read; set PYTHONUTF8=1"
 
 
 def point_out(path: Path, file: PictureFile, hinted: Counter[int]) -> None:

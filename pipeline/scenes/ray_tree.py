@@ -32,8 +32,12 @@ _SLACK = 1.0 + 1e-12  # rounding of where a ray enters and leaves a box
 
 
 def _compiled(function: Function) -> Function:
-    """The function in machine code, which is kept beside the module, or in the user's cache where that is read-only."""
-    compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    """The function in machine code, kept beside the module, else in the user's cache, else for this process only."""
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+    try:
+        compiled: Any = numba.njit(cache=True, **options)(function)
+    except RuntimeError:  # neither folder can be written
+        compiled = numba.njit(**options)(function)
     return cast(Function, compiled)
 
 

@@ -445,3 +445,15 @@ def test_unknown_and_damaged_calibrations_are_refused(home):
         camera_store.path_of("front").write_text(text)
         with pytest.raises(InputError, match=r"\A.*not the calibration of a camera[^\r\n]*\Z"):
             camera_store.load("front")
+
+
+def test_without_a_home_folder_none_is_stored_and_the_variable_is_named(monkeypatch):
+    def homeless():
+        raise RuntimeError("Could not determine home directory.")
+
+    for variable in ("CAMERA_MONITOR_HOME", "XDG_CONFIG_HOME"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setattr(camera_store.Path, "home", homeless)
+    assert camera_store.names() == []
+    with pytest.raises(InputError, match="set CAMERA_MONITOR_HOME"):
+        camera_store.load("front")

@@ -19,12 +19,13 @@ from heif_makers import heic
 from PIL import Image, features
 
 from pipeline.cli import main
-from pipeline.cli.pictures import TURNED, expand, natural_order, read, readable
+from pipeline.cli.pictures import TURNED, expand, natural_order, read, readable, refuse
 from pipeline.cli.shot_settings import exif
 from pipeline.cli.video_codec import NAMED, coding_of_picture
 from pipeline.cli.watch_sources import filling_folder
 from pipeline.condition.video_codecs import HIDDEN
 from pipeline.datasets.video_coding import UNKNOWN
+from pipeline.errors import InputError
 
 
 def call(*arguments: object) -> Result:
@@ -142,6 +143,12 @@ def test_a_name_that_is_not_utf_8_is_set_aside_and_the_others_go_on(
     if more:
         content = json.loads((tmp_path / "out/health.json").read_text())
         assert len(content["pictures"]) == 1 and "bad\\udcff.png" in content["set_aside"][0]
+
+
+def test_a_locale_without_utf_8_is_named_and_not_the_file(tmp_path: Path) -> None:
+    name = os.fsdecode("straße.png".encode()).encode("utf-8", "surrogateescape").decode("ascii", "surrogateescape")
+    with pytest.raises(InputError, match="set PYTHONUTF8=1"):
+        refuse(tmp_path / name)
 
 
 @pytest.mark.parametrize("command", [("health",), ("noise",), ("advise",), ("corrupt", "--out", "out")])

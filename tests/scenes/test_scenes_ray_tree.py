@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline.scenes import ray_tree
 from pipeline.scenes.dataset import Viewpoint, plan
 from pipeline.scenes.ray_tree import RayTree
 from pipeline.streams import stream
@@ -183,3 +184,17 @@ def test_the_answers_do_not_depend_on_the_instruction_set(tmp_path):
     ran = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert ran.stdout.split()[-1] == hashed(RayTree(soup_of(3000, 0.1)))
     assert list(tmp_path.rglob("*.nbc")), "it was not compiled anew"
+
+
+def test_it_compiles_where_no_folder_can_be_written(monkeypatch):
+    asked = []
+
+    def njit(**options):
+        asked.append(options)
+        if options.pop("cache", False):
+            raise RuntimeError("cannot cache function 'f': no locator available for file")
+        return lambda function: function
+
+    monkeypatch.setattr(ray_tree.numba, "njit", njit)
+    assert ray_tree._compiled(abs) is abs
+    assert asked == 2 * [{"nogil": True, "error_model": "numpy"}]
