@@ -34,10 +34,10 @@ COLOUR_STEPS = 2  # of k-means, after the palette that spans the colours of a pi
 _STYLE = content(resources.files(__package__), "style.yaml")
 INK, MUTED, GRID, PAPER = (_STYLE["colours"][name] for name in ("ink", "muted", "grid", "paper"))
 PALETTE: Sequence[str] = _STYLE["palette"]
-_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">")
+_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "h")
 _DASHES = (
     "-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.5, 1.2, 1.5)), (0, (8, 2)), (0, (3, 1)), (0, (1, 2)),
-    (0, (6, 1)), (0, (2, 2)),
+    (0, (6, 1)), (0, (2, 2)), (0, (8, 1.5, 1.2, 1.5)),
 )  # fmt: skip
 
 Look = dict[str, Any]
