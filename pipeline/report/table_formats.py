@@ -15,8 +15,9 @@ _TEX = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
     "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "−": r"$-$", "–": "--", "×": r"$\times$", "σ": r"$\sigma$",
     "±": r"$\pm$", "≥": r"$\geq$", "≤": r"$\leq$", "°": r"\textdegree{}", "α": r"$\alpha$", "χ": r"$\chi$",
-    "→": r"$\to$", "µ": r"\textmu{}", "·": r"$\cdot$", "✓": r"\checkmark{}", "²": r"\textsuperscript{2}",
-    "<": r"\textless{}", ">": r"\textgreater{}", "|": r"\textbar{}",
+    "→": r"$\to$", "↑": r"$\uparrow$", "µ": r"\textmu{}", "·": r"$\cdot$", "✓": r"\checkmark{}",
+    "²": r"\textsuperscript{2}", "₁": r"$_1$", "₂": r"$_2$", "λ": r"$\lambda$", "<": r"\textless{}",
+    ">": r"\textgreater{}", "|": r"\textbar{}", "\xa0": "~",
 }  # fmt: skip
 _TEX_PATTERN = re.compile("|".join(re.escape(sign) for sign in _TEX))
 
@@ -29,12 +30,17 @@ def _exact(value: float | None) -> str:
 
 
 def to_csv(table: Table) -> str:
-    """Comma-separated values; an estimate ``x`` also fills ``x_low``, ``x_high``, ``x_count`` and ``x_reference``."""
+    """Comma-separated values; an estimate ``x`` also fills ``x_low``, ``x_high``, ``x_count`` and ``x_reference``.
+
+    Where estimates of a column have marks, ``x_mark`` holds them.
+    """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     split = {column.name for column in table.columns if table.has_estimates(column)}
+    marked = {name for name in split if any(isinstance(c := row.get(name), Estimate) and c.mark for row in table.rows)}
     ends = ("", "_low", "_high", "_count", "_reference")
-    writer.writerow([c.name + end for c in table.columns for end in (ends if c.name in split else ("",))])
+    heads = {name: (*ends, "_mark") if name in marked else ends for name in split}
+    writer.writerow([column.name + end for column in table.columns for end in heads.get(column.name, ("",))])
     for row in table.rows:
         line: list[str] = []
         for column in table.columns:
@@ -44,6 +50,7 @@ def to_csv(table: Table) -> str:
                     cell = Estimate(cell if isinstance(cell, (int, float)) else math.nan)
                 parts = (cell.value, cell.low, cell.high, cell.count, cell.reference)
                 line += [_exact(part) for part in parts]
+                line += [cell.mark] if column.name in marked else []
             elif isinstance(cell, (int, float)) and not isinstance(cell, bool):
                 line.append(_exact(cell))
             else:
@@ -77,7 +84,7 @@ def tex(text: str) -> str:
 
 def _tex_cell(cell: Cell, column: Column, reference_word: str) -> str:
     if isinstance(cell, Estimate):
-        text = tex(format_number(cell.value, column.decimals))
+        text = tex(f"{format_number(cell.value, column.decimals)} {cell.mark}".rstrip())
         notes = [tex(format_interval(cell, column.decimals, signed=column.signed))]
         if cell.count is not None:
             notes.append(f"$n={cell.count}$")

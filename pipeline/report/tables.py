@@ -25,7 +25,8 @@ from pipeline.report.display_names import in_order
 class Estimate:
     """A number in the column's unit, its 95 % interval, its sample count, and the published value beside it.
 
-    NaN stands for no result and for no interval, None for an unknown count and for nothing published.
+    NaN stands for no result and for no interval, None for an unknown count and for nothing published. ``mark`` is a
+    sign behind the number, which a footnote explains.
     """
 
     value: float
@@ -33,6 +34,7 @@ class Estimate:
     high: float = math.nan
     count: int | None = None
     reference: float | None = None
+    mark: str = ""
 
     @property
     def has_interval(self) -> bool:
@@ -268,7 +270,7 @@ def format_interval(cell: Estimate, decimals: int | None = None, *, signed: bool
 
 
 def format_cell(cell: Cell, column: Column, reference_word: str = "paper") -> str:
-    """A cell on one line: ``"5.25 [5.10 to 5.40; n 72; paper 5.2]"``."""
+    """A cell on one line: ``"5.25 ↑ [5.10 to 5.40; n 72; paper 5.2]"``."""
     if cell is None:
         return ""
     if isinstance(cell, bool):
@@ -282,5 +284,6 @@ def format_cell(cell: Cell, column: Column, reference_word: str = "paper") -> st
         if cell.reference is not None:
             notes.append(f"{reference_word} {format_number(cell.reference, column.decimals)}")
         beside = "; ".join(note for note in notes if note)
-        return format_number(cell.value, column.decimals) + (f" [{beside}]" if beside else "")
+        marked = f" {cell.mark}" if cell.mark else ""
+        return format_number(cell.value, column.decimals) + marked + (f" [{beside}]" if beside else "")
     return format_number(cell, column.decimals)

@@ -109,6 +109,7 @@ def test_the_direction_table_has_a_row_for_each_noise_and_angle(blocks: dict[str
         (n, a) for n in LEVELS for a in (0.0, 90.0)
     ]
     assert {"car_7", "car_21"} <= set(table.rows[0])
+    assert all(table.rows[0][name].has_interval for name in ("car_7", "car_21"))
     assert "direction_sim_car" in blocks and "direction_spread_sim" in blocks
 
 

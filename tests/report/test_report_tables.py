@@ -6,6 +6,7 @@ import csv
 import io
 import math
 from html.parser import HTMLParser
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -14,6 +15,8 @@ from hypothesis import strategies as st
 from pipeline.errors import InputError
 from pipeline.report import table_formats
 from pipeline.report.tables import Column, Estimate, Table, format_cell, format_interval, format_number
+
+TABLES = Path(__file__).resolve().parents[2] / "reports/tables"
 
 
 def table(**changes: object) -> Table:
@@ -95,6 +98,23 @@ def test_csv_reads_back(values: list[float]) -> None:
     made = Table("t", "", [Column("x")], [{"x": value} for value in values])
     read = [float(row["x"]) for row in csv.DictReader(io.StringIO(table_formats.to_csv(made)))]
     assert read == pytest.approx(values, rel=1e-7, abs=1e-12)
+
+
+def test_a_mark_stands_behind_its_number_and_in_a_column_of_its_own() -> None:
+    columns = [Column("ap", unit="%", decimals=1), Column("other")]
+    marked, plain = Estimate(98.14, 97.0, 99.0, mark="↑"), Estimate(95.3, 94.0, 96.0)
+    table = Table("marks", "A table.", columns, [{"ap": marked, "other": plain}, {"ap": plain, "other": plain}])
+    assert format_cell(marked, columns[0]) == "98.1 ↑ [97.0 to 99.0]"
+    rows = list(csv.DictReader(io.StringIO(table_formats.to_csv(table))))
+    assert [row["ap_mark"] for row in rows] == ["↑", ""] and "other_mark" not in rows[0]
+    assert r"98.1 $\uparrow$ {\footnotesize [97.0 to 99.0]}" in table_formats.to_latex(table)
+    assert '<span class="value">98.1 ↑</span>' in table_formats.to_html(table)
+
+
+def test_the_reports_latex_has_no_sign_that_latex_does_not_set() -> None:
+    # Of signs beyond ASCII pdfLaTeX sets letters with accents, ligatures and typographic quotes by itself.
+    signs = {sign for path in TABLES.glob("*.tex") for sign in path.read_text(encoding="utf-8") if not sign.isascii()}
+    assert {sign for sign in table_formats.tex("".join(signs)) if not sign.isascii()} <= set("’æ")
 
 
 def test_markdown_has_one_cell_per_column_and_escapes_bars() -> None:

@@ -18,10 +18,10 @@ from pipeline.report.ledger_items import beside_ours
 from pipeline.report.sections import detection_figures
 from pipeline.report.sections.detection_figures import PAGE
 from pipeline.report.spec import Block, Figure, NotRun, Run, Section, as_recorded, runs_by_estimator
-from pipeline.report.tables import Cell, Estimate, Table, estimate, format_number, pivot, records, where
+from pipeline.report.tables import Cell, Estimate, Table, estimate, pivot, records, where
 
 AP = estimate("ap_percent", "low_percent", "high_percent")
-RISE = " ↑"
+RISE = "↑"
 
 
 def _joined(results: Sequence[Results], part: str) -> pd.DataFrame:
@@ -68,8 +68,10 @@ def by_direction(one: Results) -> Table | None:
         return None
 
     def cell(row: Mapping[str, Any]) -> Cell:
-        mark = RISE if row["rises_with_size"] or row["rises_with_sigma"] else ""
-        return format_number(row["ap_percent"], 1) + mark if math.isfinite(row["ap_percent"]) else None
+        if not math.isfinite(row["ap_percent"]):
+            return None
+        rises = row["rises_with_size"] or row["rises_with_sigma"]
+        return Estimate(row["ap_percent"], row["low_percent"], row["high_percent"], mark=RISE if rises else "")
 
     selected = one.directions.sort_values(["target_sigma_dn", "angle_deg"], kind="stable")
     column = selected["label"] + selected["kernel_size_px"].map("_{:g}".format)
