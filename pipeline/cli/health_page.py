@@ -24,6 +24,7 @@ WORST_FRAMES = 6
 JPEG_QUALITY = 80
 MOST_ROWS = 500
 LEAST_SIGMA_DN, LEAST_MTF50 = 5.0, 0.62  # that the vertical axes reach
+MEDIAN_NOISE = ("median_sigma_dn", "median_white_sigma_dn", "median_noise_correlation")
 MOST_SOURCES = 50  # whose beginnings are marked; of more, the marks would hide the lines
 
 
@@ -132,7 +133,15 @@ def page(content: dict[str, Any], frames: PageFrames) -> str:
     return environment("pipeline.cli").get_template("health.html.j2").render(
         content=content, verdict=content["verdict"], table=table, rows=len(rows), plots=_plots(content),
         sources=1 + len(_source_starts(rows)), thumbnails=frames.thumbnails, worst=frames.worst, words=row_words,
+        noise_parts=_noise_parts(content["verdict"]),
     )  # fmt: skip
+
+
+def _noise_parts(verdict: dict[str, Any]) -> str:
+    """What the noise of the run is made of, in words; empty where that is unknown."""
+    from pipeline.condition.verdict import noise_parts_words
+
+    return noise_parts_words(*(verdict.get(name, float("nan")) for name in MEDIAN_NOISE))  # no medians of no frame
 
 
 def _plots(content: dict[str, Any]) -> list[Any]:

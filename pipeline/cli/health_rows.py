@@ -20,9 +20,11 @@ COLUMNS = (
     "obstructed_fraction", "row_noise_dn", "column_noise_dn", "dead_lines", "impulse_fraction", "repeats", "flags",
     "alarms", "undecided", "drawn",
 )  # fmt: skip
+NOISE_PARTS = ("white_sigma_dn", "noise_correlation")
+"""Columns of the part of the noise that is white, and of its correlation between neighbours."""
 WRITTEN = (
     *COLUMNS, "blur", "blur_direction", "blur_range", "noise", "causes", "ap_percent", "ap_low_percent",
-    "ap_high_percent", "best_exposure_ms", "best_iso", "trend", "codec", "quantiser",
+    "ap_high_percent", "best_exposure_ms", "best_iso", "trend", "codec", "quantiser", *NOISE_PARTS,
 )  # fmt: skip
 """Columns of the table of a run: those of `condition_row` and what is inferred from them."""
 HEADER = f"{'sigma DN':>9} {'95 % interval':>15} {'MTF50 H':>8} {'MTF50 V':>8} {'answered':>11} {'ms':>6}  picture"
@@ -39,8 +41,8 @@ def condition_row(name: str, condition: Condition, flags: FrameFlags) -> dict[st
         flags: its exposure, its noise of rows, columns and single pixels, and its repetition.
 
     Returns:
-        `COLUMNS` (``alarms``, ``undecided`` and ``drawn`` empty), the MTF (2, 8) with its interval, and the reasons of
-        abstentions.
+        `COLUMNS` (``alarms``, ``undecided`` and ``drawn`` empty), `NOISE_PARTS`, the MTF (2, 8) with its interval, and
+        the reasons of abstentions.
         MTF50 is a fraction of Nyquist; its status distinguishes a value that is ``measured`` from one ``above_range``
         (contrast stays above half up to the last frequency; the number is infinite) and one that is ``unknown`` (NaN).
     """
@@ -62,7 +64,8 @@ def condition_row(name: str, condition: Condition, flags: FrameFlags) -> dict[st
     if not len(blur):
         reasons["blur"] = {f"a side is shorter than {PATCH_PX} px, bars not counted": 1}
     curves = {"mtf": condition.mtf.value, "mtf_low": condition.mtf.low, "mtf_high": condition.mtf.high}
-    return dict(zip(COLUMNS, numbers, strict=True)) | curves | {"abstained": reasons}
+    parts = dict(zip(NOISE_PARTS, (condition.noise.white_sigma_dn, condition.noise.correlation), strict=True))
+    return dict(zip(COLUMNS, numbers, strict=True)) | parts | curves | {"abstained": reasons}
 
 
 def alarms(

@@ -9,6 +9,7 @@ from statistics import median
 from types import MappingProxyType
 from typing import Any
 
+from pipeline.cli.health_rows import NOISE_PARTS
 from pipeline.errors import printable
 
 LEAST_GAIN_PERCENT = 2.0
@@ -58,6 +59,7 @@ def run_verdict(
     from pipeline.condition.verdict import grade
 
     sigma, high, at_most = median_noise(rows)
+    white, correlation = median_noise_parts(rows)
     mtf = median_mtf(rows)
     ends = median_mtf(rows, "mtf_low"), median_mtf(rows, "mtf_high")
     grades = grade(sigma, mtf, known_median(row["median_dn"] for row in rows), ends, directed_shares(rows))
@@ -78,7 +80,8 @@ def run_verdict(
         "median_sigma_at_most_dn": at_most, "median_mtf": mtf, "blur": grades.blur,
         "blur_direction": grades.direction, "blur_range": grades.blur_range, "noise": grades.noise,
         "causes": grades.causes(),
-        "median_ap_percent": median_precision(rows),
+        "median_ap_percent": median_precision(rows), "median_white_sigma_dn": white,
+        "median_noise_correlation": correlation,
     }  # fmt: skip
 
 
@@ -117,6 +120,21 @@ def median_noise(rows: Sequence[dict[str, Any]]) -> tuple[float, float, float]:
     sigma, high = (known_median(row[name] for row in rows) for name in NOISE[:2])
     at_most = bounded_median(rows, NOISE[2], float("inf"))
     return (float("nan"), float("nan"), at_most) if noise_mostly_unknown(rows) else (sigma, high, at_most)
+
+
+def median_noise_parts(rows: Sequence[dict[str, Any]]) -> tuple[float, float]:
+    """Medians of the white part of the frames' noise, DN, and of its correlation between neighbours.
+
+    Args:
+        rows: of frames.
+
+    Returns:
+        NaN where no frame has one, or `noise_mostly_unknown`.
+    """
+    if noise_mostly_unknown(rows):
+        return float("nan"), float("nan")
+    white, correlation = (known_median(row[name] for row in rows) for name in NOISE_PARTS)
+    return white, correlation
 
 
 def bounded_median(rows: Sequence[dict[str, Any]], column: str, worst: float) -> float:

@@ -14,6 +14,7 @@ from pipeline.cli.video_codec import codec_option
 
 COLUMNS = (
     "picture", "x_px", "y_px", "size_px", "sigma_dn", "sigma_at_most_dn", "abstained", "reason", "frame_sigma_dn",
+    "white_sigma_dn", "noise_correlation", "frame_white_sigma_dn", "frame_noise_correlation",
 )  # fmt: skip
 
 
@@ -45,11 +46,13 @@ def command(
 ) -> None:  # fmt: skip
     """Estimate the noise of PATHS: pictures, videos, or folders of them.
 
-    Prints, per frame, the robust median over its tiles with their range, in grey levels (DN, 0..255), and how many
-    tiles the estimator abstained on; bars beside the picture are left out. A frame whose tiles mostly abstain because
-    of a codec or filter, or of which less than a quarter answer, has no median (``frame_sigma_dn`` of the CSV is nan),
-    and its map no number: the tiles that answer then are mostly grain that looks like noise. Behind a codec it has a
-    bound. The same estimator as ``camera-monitor health`` unless another is named.
+    Prints, per frame, the robust median over its tiles with their range, in grey levels (DN, 0..255), how many tiles
+    the estimator abstained on, the part of the noise that is white, as the sensor's is before the camera smooths it
+    (DN), and the correlation of the noise of adjacent pixels (0: white; ``-``: not separated); bars beside the picture
+    are left out. A frame whose tiles mostly abstain because of a codec or filter, or of which less than a quarter
+    answer, has no median (``frame_sigma_dn`` of the CSV is nan), and its map no number: the tiles that answer then are
+    mostly grain that looks like noise. Behind a codec it has a bound. The same estimator as ``camera-monitor health``
+    unless another is named.
     """
     import numpy as np
     from tqdm import tqdm
@@ -79,7 +82,8 @@ def command(
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(OutputFolder(maps, "noise", "--map", files)) if maps is not None else None
         rows = stack.enter_context(RowFile(table, COLUMNS)) if table is not None else None
-        click.echo(f"{'sigma DN':>9} {'at most':>7} {'min':>7} {'max':>7} {'tiles':>6} {'abstained':>9}  picture")
+        header = f"{'sigma DN':>9} {'at most':>7} {'min':>7} {'max':>7} {'tiles':>6} {'abstained':>9}"
+        click.echo(f"{header} {'white':>6} {'corr.':>6}  picture")
         frames = readable(files, every, least_px=least_side_px(method))
         for name, image, problem, coding in tqdm(frames, delay=2, leave=False, unit=" frames"):
             try:
@@ -93,24 +97,33 @@ def command(
                 set_aside.add(name, error)
                 continue
             whole, estimate, squares = state.summary, state.estimate, state.patches
-            level, bound, least, most = (
-                number(float(value), 2) for value in (whole.value, state.at_most_dn, whole.least, whole.greatest)
-            )
+            level, bound, least, most, white, correlation = (
+                number(float(value), 2)
+                for value in (
+                    whole.value, state.at_most_dn, whole.least, whole.greatest, state.white_sigma_dn, state.correlation,
+                )
+            )  # fmt: skip
             numbers = f"{level:>9} {bound:>7} {least:>7} {most:>7} {len(squares):6d} {whole.abstained:9d}"
+            numbers += f" {white:>6} {correlation:>6}"
             click.echo(f"{numbers}  {printable(name)}")
-            bounds = np.full(len(squares), np.nan) if estimate.at_most_dn is None else estimate.at_most_dn
+            unknown = np.full(len(squares), np.nan)
+            bounds, whites, correlations = (
+                unknown if values is None else values
+                for values in (estimate.at_most_dn, estimate.white_sigma_dn, estimate.correlation)
+            )
             with held():  # all rows and the map of a frame, or none
-                for square, sigma, most_dn, reason in zip(
-                    squares, estimate.sigma_dn, bounds, estimate.reason, strict=True
+                for square, sigma, most_dn, reason, *parts in zip(
+                    squares, estimate.sigma_dn, bounds, estimate.reason, whites, correlations, strict=True
                 ):
                     values = (
                         name, square.x_px, square.y_px, square.size_px, f"{sigma:.4f}", f"{most_dn:.4f}", bool(reason),
                         str(reason), f"{whole.value:.4f}",
+                        *(f"{value:.4f}" for value in (*parts, state.white_sigma_dn, state.correlation)),
                     )  # fmt: skip
                     if rows is not None:
                         rows.write(dict(zip(COLUMNS, values, strict=True)))
                 if folder is not None:
-                    shown = np.full(len(squares), np.nan) if np.isnan(whole.value) else estimate.sigma_dn
+                    shown = unknown if np.isnan(whole.value) else estimate.sigma_dn
                     drawn = noise_overlay(image, squares, shown)
                     write_image(folder.claim(result_stem(name), ".noise.png"), drawn)
     set_aside.refuse()

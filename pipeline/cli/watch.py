@@ -30,7 +30,8 @@ ALARM = 3  # exit code
 STATED = (
     "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "sigma_at_most_dn", "mtf50_horizontal", "mtf50_vertical",
     "mtf50_horizontal_status", "mtf50_vertical_status", "ap_percent", "row_noise_dn", "column_noise_dn",
-    "dead_lines", "impulse_fraction", "flags", "alarms", "undecided", "milliseconds",
+    "dead_lines", "impulse_fraction", "flags", "alarms", "undecided", "milliseconds", "white_sigma_dn",
+    "noise_correlation",
 )  # fmt: skip
 
 

@@ -22,13 +22,20 @@ class RollingState:
         """Take a frame's row (`pipeline.cli.frame_analysis.FrameAnalysis.analyse`).
 
         Returns:
-            ``frames`` summarised, medians ``sigma_dn``, ``sigma_at_most_dn``, ``mtf50_horizontal``, ``mtf50_vertical``
-            and ``ap_percent`` (infinite MTF50: above the range; NaN: unknown, noise and precision also where a codec
-            hides the noise of most frames), ``words``, and ``flags`` with the share of frames.
+            ``frames`` summarised, medians ``sigma_dn``, ``sigma_at_most_dn``, ``white_sigma_dn``,
+            ``noise_correlation``, ``mtf50_horizontal``, ``mtf50_vertical`` and ``ap_percent`` (infinite
+            MTF50: above the range; NaN: unknown, noise and precision also where a codec hides the noise of most
+            frames), ``words``, and ``flags`` with the share of frames.
         """
         from pipeline.cli import health_verdict
         from pipeline.cli.flag_words import flag_names
-        from pipeline.cli.health_verdict import known_median, median_mtf, median_noise, median_precision
+        from pipeline.cli.health_verdict import (
+            known_median,
+            median_mtf,
+            median_noise,
+            median_noise_parts,
+            median_precision,
+        )
         from pipeline.condition.summary import half_contrast
         from pipeline.condition.verdict import grade
 
@@ -36,6 +43,7 @@ class RollingState:
         rows = list(self._rows)
         mtf, low, high = (median_mtf(rows, name) for name in ("mtf", "mtf_low", "mtf_high"))
         sigma, _, at_most = median_noise(rows)
+        white, correlation = median_noise_parts(rows)
         level = known_median(part["median_dn"] for part in rows)
         horizontal, vertical = (float(value) for value in half_contrast(mtf))
         flags = Counter(name for part in rows for name in flag_names(part))
@@ -44,4 +52,5 @@ class RollingState:
             "mtf50_vertical": vertical, "ap_percent": median_precision(rows),
             "words": "; ".join(grade(sigma, mtf, level, (low, high), health_verdict.directed_shares(rows)).words()),
             "flags": {name: count / len(rows) for name, count in sorted(flags.items())},
+            "white_sigma_dn": white, "noise_correlation": correlation,
         }  # fmt: skip

@@ -29,7 +29,15 @@ from pipeline.condition.frame_tiles import MOST_PATCHES, MOST_TILES, frame_tiles
 from pipeline.condition.grey_frame import grey_frame
 from pipeline.condition.picture_area import COVERED_REASON, covered, picture_area, shifted
 from pipeline.condition.structure import STRUCTURELESS, structureless
-from pipeline.condition.summary import Summary, at_most_dn, summarise, summarise_noise, unsharp, with_upper_end
+from pipeline.condition.summary import (
+    Summary,
+    at_most_dn,
+    noise_parts,
+    summarise,
+    summarise_noise,
+    unsharp,
+    with_upper_end,
+)
 from pipeline.condition.video_codecs import hidden_noise_dn, is_doubtful
 from pipeline.datasets.patches import Patch, cut, tiles
 from pipeline.datasets.selection import evenly_spread
@@ -84,6 +92,9 @@ class NoiseState:
         milliseconds: time on the clock.
         at_most_dn: upper end of the summary's interval; where it has no answer because of a codec, what the frame holds
             at most (`pipeline.condition.summary.most_noise_dn`); else NaN. DN.
+        white_sigma_dn: of the summary, the part that is white, as the sensor's is before processing smooths it, DN; NaN
+            without an answer and from methods that do not separate it (`pipeline.condition.summary.noise_parts`).
+        correlation: of the noise of adjacent pixels, -1 to 1; NaN likewise.
     """
 
     patches: Sequence[Patch]
@@ -93,6 +104,8 @@ class NoiseState:
     map_dn: NDArray[np.floating]
     milliseconds: float
     at_most_dn: float = np.nan
+    white_sigma_dn: float = np.nan
+    correlation: float = np.nan
 
 
 @dataclass(frozen=True)
@@ -369,7 +382,8 @@ def _noise(
     summary = with_upper_end(summary, coarse_dn)
     if np.isnan(summary.value):
         whole = np.full_like(whole, np.nan)
-    return NoiseState(squares, result, grid, summary, whole, taken, at_most_dn(result, summary, coarse_dn))
+    bound_dn, parts = at_most_dn(result, summary, coarse_dn), noise_parts(result, summary)
+    return NoiseState(squares, result, grid, summary, whole, taken, bound_dn, *parts)
 
 
 def _checked_cells(shape: tuple[int, ...], answered: object) -> object:

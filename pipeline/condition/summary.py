@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from pipeline.camera.mtf import FREQUENCIES
 from pipeline.camera.saturation import SATURATED
 from pipeline.condition.picture_area import COVERED_REASON
+from pipeline.noise.abstentions import UNDETECTED_DN, UNDETECTED_LOW_DN
 from pipeline.noise.base import ALTERNATING, BEYOND, COMPRESSED, FLAT, STREAKED, UNCERTAIN, NoiseEstimate
 from pipeline.statistics import bootstrap_interval, inliers
 from pipeline.streams import stream
@@ -189,6 +190,29 @@ def at_most_dn(estimate: NoiseEstimate, summary: Summary, least_dn: float = np.n
         return float(summary.high)
     most = most_noise_dn(estimate)
     return least_dn if least_dn > most else most
+
+
+def noise_parts(estimate: NoiseEstimate, summary: Summary) -> tuple[float, float]:
+    """White part of the noise of a frame, and how much the noise of adjacent pixels is correlated.
+
+    Both are medians over the tiles that the noise itself is the median of, its inliers: so the white part, of no tile
+    above the noise, is not above that of the frame either.
+
+    Args:
+        estimate: of the frame's tiles.
+        summary: of the frame, `summarise_noise`.
+
+    Returns:
+        white sigma, DN, and correlation, -1 to 1; NaN where the frame has no noise level or the estimator does not
+        separate them. Of a frame without detectable noise the correlation is NaN too: that of zero means nothing.
+    """
+    inside = inliers(estimate.sigma_dn)
+
+    def middle(values: NDArray[np.float64] | None) -> float:
+        return float("nan") if values is None or np.isnan(summary.value) else float(np.median(values[inside]))
+
+    undetected = summary.value < UNDETECTED_DN and summary.low < UNDETECTED_LOW_DN
+    return middle(estimate.white_sigma_dn), float("nan") if undetected else middle(estimate.correlation)
 
 
 def most_noise_dn(estimate: NoiseEstimate) -> float:

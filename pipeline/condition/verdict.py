@@ -41,6 +41,9 @@ UNCERTAIN_GRADES = 2
 """So many grades between the ends of an interval make the grade uncertain."""
 NOISE_GRADES = ((1.0, "very low"), (4.0, "low"), (10.0, "moderate"), (20.0, "high"))
 HIGHEST_NOISE = "very high"
+PROCESSED_CORRELATION = 0.25
+"""Correlation of the noise of adjacent pixels from which a camera or program has processed it. The 8 photographs of CC
+and 10 of PolyU read 0.45 to 0.67, 6 frames of KITTI and Udacity with 2 to 10 DN of white noise 0.09 at most."""
 DIRECTED_RATIO = 0.8  # of the mean MTF of the lower axis to the other's
 DIRECTED_SHARE = 0.5  # of the blurred patches
 HIGH_NOISE_DN = 10.0
@@ -103,6 +106,25 @@ def blur_words(blur: str, direction: str, blur_range: str) -> str:
 def bound_words(at_most_dn: float) -> str:
     """How much noise there is at most, rounded up: ``"at most 7 DN"``; empty where that is unknown (NaN)."""
     return f"at most {ceil(at_most_dn)} DN" if isfinite(at_most_dn) else ""
+
+
+def noise_parts_words(sigma_dn: float, white_sigma_dn: float, correlation: float) -> str:
+    """White part and correlation of noise in a sentence without its full stop, and what follows from them.
+
+    Args:
+        sigma_dn: estimate of all noise, DN.
+        white_sigma_dn: its white part, DN.
+        correlation: of the noise of adjacent pixels, -1 to 1.
+
+    Returns:
+        empty where a number is unknown (NaN), or noise is very low: there is too little of it to be taken apart.
+    """
+    (very_low_dn, _), *_ = NOISE_GRADES
+    if not np.isfinite([sigma_dn, white_sigma_dn, correlation]).all() or sigma_dn < very_low_dn:
+        return ""
+    words = f"Noise of {sigma_dn:.1f} DN, of which {white_sigma_dn:.1f} DN white; neighbouring pixels correlate by "
+    words += f"{round(correlation, 2) + 0.0:.2f}"  # no -0.00
+    return words + (": the camera has processed its noise" if correlation > PROCESSED_CORRELATION else "")
 
 
 def noise_ends(sigma_dn: float, low_dn: float, high_dn: float) -> tuple[float, float]:

@@ -64,6 +64,11 @@ def test_noise_finds_what_was_added(tmp_path, sigma_dn):
     assert (table["frame_sigma_dn"].round(2) == level).all()
     assert (table["sigma_at_most_dn"] >= table["sigma_dn"])[~table["abstained"]].all()
     assert cv2.imread(str(tmp_path / "maps/a.png.noise.png")).shape == (320, 448, 3)
+    white, correlation = (float(word) for word in done.output.splitlines()[1].split()[6:8])
+    assert (table["frame_white_sigma_dn"].round(2) == white).all() and white == pytest.approx(sigma_dn, rel=0.1)
+    assert (table["frame_noise_correlation"].round(2) == correlation).all() and abs(correlation) < 0.05
+    assert (table["white_sigma_dn"] <= table["sigma_dn"] + 1e-4)[~table["abstained"]].all()
+    assert table["noise_correlation"].notna().equals(~table["abstained"])
 
 
 def test_a_frame_without_noise_level_has_no_number_on_its_map(tmp_path, monkeypatch):
@@ -80,7 +85,7 @@ def test_a_frame_without_noise_level_has_no_number_on_its_map(tmp_path, monkeypa
     monkeypatch.setattr(noise, "create", lambda name: MostlyCompressed())
     done = call("noise", path, "--csv", tmp_path / "t.csv", "--map", tmp_path / "maps")
     assert done.exit_code == 0, done.output
-    assert done.output.splitlines()[1].split()[:6] == ["-", "12.50", "-", "-", "12", "11"]
+    assert done.output.splitlines()[1].split()[:8] == ["-", "12.50", "-", "-", "12", "11", "-", "-"]
     table = pd.read_csv(tmp_path / "t.csv")
     assert table["sigma_dn"][0] == 9.0 and table["frame_sigma_dn"].isna().all()  # so that tile is not to be trusted
     assert (table["sigma_at_most_dn"] == 12.5).all()

@@ -15,7 +15,7 @@ from pipeline.blur import camera_calibration
 from pipeline.camera.mtf import FREQUENCIES
 from pipeline.cli import main
 from pipeline.cli.frame_ahead import WAITING, estimated_ahead
-from pipeline.cli.health_rows import undecided
+from pipeline.cli.health_rows import NOISE_PARTS, undecided
 from pipeline.cli.numbers import LARGEST_MTF50
 from pipeline.datasets.video_coding import Coding
 from pipeline.errors import InputError
@@ -54,11 +54,14 @@ def test_noise_and_blur_are_told_in_numbers_pictures_and_files(tmp_path):
     assert abs(float(noisy["sigma_dn"]) - 8) < 0.8
     assert float(noisy["sigma_low_dn"]) < 8 < float(noisy["sigma_high_dn"])
     assert float(blurred["sigma_dn"]) < 0.5
+    assert float(noisy["white_sigma_dn"]) == pytest.approx(8, rel=0.1) and float(noisy["noise_correlation"]) < 0.1
     for way in ("horizontal", "vertical"):
         assert float(blurred[f"mtf50_{way}"]) < 0.2 < float(noisy[f"mtf50_{way}"])
     assert noisy["picture"] in done.output
     content = json.loads((tmp_path / "out/health.json").read_text())
     assert np.shape(content["pictures"][0]["mtf"]) == (2, 8)
+    for name in NOISE_PARTS:
+        assert content["pictures"][0][name] == float(noisy[name])
     assert len(content["frequencies_of_nyquist"]) == 8
     for name in ("a", "b"):
         drawn = cv2.imread(str(tmp_path / f"out/{name}.png.health.png"))

@@ -71,7 +71,7 @@ def frame_row(number, **changes):
         "causes": "", "abstained": {},
         "ap_percent": np.nan, "ap_low_percent": np.nan, "ap_high_percent": np.nan,
         "best_exposure_ms": np.nan, "best_iso": np.nan,
-        "best_ap_percent": np.nan,
+        "best_ap_percent": np.nan, "white_sigma_dn": 2.0, "noise_correlation": 0.0,
     }  # fmt: skip
     return row | changes
 
@@ -110,6 +110,21 @@ def test_a_run_writes_a_self_contained_page_and_states_its_means(tmp_path):
     )
     assert all(len(digest) == 64 for digest in content["weights_sha256"].values())
     assert content["version"] and len(content["set_aside"]) == 1
+
+
+def test_the_page_states_in_one_line_what_the_noise_is_made_of():
+    """Of two frames the medians; nothing where the estimator does not take noise apart, or nothing was analysed."""
+    frames = PageFrames(lambda image, condition: np.zeros((20, 20, 3), np.uint8))
+    rows = [frame_row(0, white_sigma_dn=0.5, noise_correlation=0.5),
+            frame_row(1, white_sigma_dn=0.7, noise_correlation=0.7)]  # fmt: skip
+    content = run_of(rows).content()
+    verdict = content["verdict"]
+    assert (verdict["median_white_sigma_dn"], verdict["median_noise_correlation"]) == pytest.approx((0.6, 0.6))
+    line = "Noise of 2.0 DN, of which 0.6 DN white; neighbouring pixels correlate by 0.60"
+    assert f"<p>{line}: the camera has processed its noise.</p>" in page(content, frames)
+    unknown = {"white_sigma_dn": np.nan, "noise_correlation": np.nan}
+    for few in ([], [frame_row(0, **unknown)], [frame_row(0), *(frame_row(1, sigma_dn=np.nan, **unknown),) * 2]):
+        assert "DN white" not in page(run_of(few).content(), frames)
 
 
 def test_a_page_keeps_the_worst_frames_and_few_thumbnails_of_many():

@@ -13,7 +13,10 @@ from pipeline import noise
 from pipeline.blur.base import BlurEstimate, Estimator
 from pipeline.camera import mtf
 from pipeline.camera.corruption import corrupt
+from pipeline.camera.processing import presets, temporal_noise
 from pipeline.camera.processing.codec import Codec, store
+from pipeline.camera.processing.delivered import linear_scene
+from pipeline.camera.processing.develop import grey
 from pipeline.camera.psf import create
 from pipeline.condition import ConditionMonitor, estimate, noise_of_frame
 from pipeline.condition.coarse_grain import most_coarse_noise_dn
@@ -286,6 +289,21 @@ def test_a_frame_whose_noise_is_unknown_has_no_map_of_it():
     state = noise_of_frame(FewAnswer(), frame(width_px=384, height_px=256))
     assert len(state.patches) == 6 and np.isnan(state.summary.value)
     assert state.map_dn.shape == (32, 48) and np.isnan(state.map_dn).all()
+
+
+def test_noise_that_a_camera_has_processed_is_taken_apart():
+    """Against the noise between shots of a simulated camera, and against white noise as it was added."""
+    camera, light = presets.named("reflex").at_iso(6400), linear_scene(np.repeat(frame()[..., None], 3, axis=2))
+    shots = np.stack([grey(camera.shoot(light, stream(0, "noise parts", shot))) for shot in range(4)])
+    present = temporal_noise.measure(shots)
+    state = noise_of_frame(noise.create("adaptive"), shots[0].astype(np.float32) / np.float32(255))
+    assert present.correlation > 0.3 and state.correlation == pytest.approx(present.correlation, abs=0.15)
+    assert state.white_sigma_dn == pytest.approx(present.white_sigma_dn, rel=0.35)
+    assert state.white_sigma_dn < 0.6 * state.summary.value
+    white = noise_of_frame(noise.create("adaptive"), seen(frame(), 8.0))
+    assert white.white_sigma_dn == pytest.approx(8.0, rel=0.1) and abs(white.correlation) < 0.05
+    white_only = noise_of_frame(noise.create("pca"), seen(frame(), 8.0))
+    assert np.isnan([white_only.white_sigma_dn, white_only.correlation]).all() and white_only.summary.value > 7
 
 
 class ThreeDn:

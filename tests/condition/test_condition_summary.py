@@ -10,6 +10,7 @@ from pipeline.condition.summary import (
     at_most_dn,
     half_contrast,
     most_noise_dn,
+    noise_parts,
     summarise,
     summarise_noise,
     with_upper_end,
@@ -151,6 +152,29 @@ def test_the_spread_of_tiles_without_intervals_is_no_interval_and_no_bound_of_no
     summary = with_upper_end(summarise_noise(tiles), 9.0)
     assert abs(float(summary.value) - 3.0) < 0.2
     assert np.isnan([summary.low, summary.high, at_most_dn(tiles, summary, 9.0)]).all()
+
+
+def test_the_parts_of_noise_are_of_the_tiles_that_the_noise_is_the_median_of():
+    """A tile with far more noise than the others is an outlier, and its white part and correlation are left out too."""
+    tiles = tiles_of_noise(4, UNCERTAIN, 2)
+    tiles.sigma_dn[:4] = 5.0, 5.0, 5.0, 40.0
+    white_dn = np.array([1.0, 2.0, 3.0, 39.0, np.nan, np.nan])
+    split = replace(tiles, white_sigma_dn=white_dn, correlation=np.array([0.4, 0.5, 0.6, -0.9, np.nan, np.nan]))
+    assert noise_parts(split, summarise_noise(split)) == (2.0, 0.5)
+    white_dn, correlation = noise_parts(replace(split, correlation=None), summarise_noise(split))
+    assert white_dn == 2.0 and np.isnan(correlation)
+    assert np.isnan(noise_parts(tiles, summarise_noise(tiles))).all()
+
+
+def test_a_frame_without_a_noise_level_has_no_parts_of_it_and_zero_noise_no_correlation():
+    coded, half = tiles_of_noise(2, COMPRESSED, 9), np.full(11, 0.5)
+    coded = replace(coded, white_sigma_dn=half, correlation=half)
+    assert np.isnan(noise_parts(coded, summarise_noise(coded))).all()
+    clean = tiles_of_noise(9, COMPRESSED, 2)
+    zero = np.where(clean.abstained, np.nan, 0.0)
+    clean = replace(clean, sigma_dn=zero, low_dn=zero, high_dn=zero + 1, white_sigma_dn=zero, correlation=zero + 0.4)
+    white_dn, correlation = noise_parts(clean, summarise_noise(clean))
+    assert white_dn == 0.0 and np.isnan(correlation)
 
 
 def test_an_interval_reaches_at_least_as_far_as_coarse_noise_may():

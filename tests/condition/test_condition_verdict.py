@@ -7,7 +7,7 @@ from control_makers import REFERENCE, darker_performance, formula_ap, performanc
 from pipeline.camera.mtf import sample
 from pipeline.camera.psf import create
 from pipeline.condition.summary import half_contrast
-from pipeline.condition.verdict import blurred_fraction, bound_words, directed, grade, noise_ends
+from pipeline.condition.verdict import blurred_fraction, bound_words, directed, grade, noise_ends, noise_parts_words
 from pipeline.control.expected_precision import equivalent_motion, expected_precision
 from pipeline.control.motion import motion_mtf
 from pipeline.streams import stream
@@ -112,6 +112,17 @@ def test_an_unmeasured_or_unknown_condition_has_no_precision():
 
 def test_a_bound_is_rounded_up_and_nothing_where_it_is_unknown():
     assert [bound_words(dn) for dn in (3.2, 7.0, float("nan"))] == ["at most 4 DN", "at most 7 DN", ""]
+
+
+def test_noise_is_taken_apart_in_words_where_there_is_enough_of_it():
+    processed, white = noise_parts_words(3.14, 1.12, 0.552), noise_parts_words(5.0, 5.0, -0.001)
+    assert processed == (
+        "Noise of 3.1 DN, of which 1.1 DN white; neighbouring pixels correlate by 0.55: "
+        "the camera has processed its noise"
+    )
+    assert white == "Noise of 5.0 DN, of which 5.0 DN white; neighbouring pixels correlate by 0.00"
+    for numbers in ((np.nan, 1.0, 0.5), (3.0, np.nan, 0.5), (3.0, 1.0, np.nan), (0.9, 0.3, 0.6)):
+        assert noise_parts_words(*numbers) == ""
 
 
 def test_no_direction_is_told_where_little_contrast_is_left_on_both_axes():
