@@ -85,8 +85,8 @@ def measure_raw(
         label: for its progress.
 
     Returns:
-        `pipeline.noise.real_noise.COLUMNS`; ``picture`` is the frame's name, the correlation of the truth is 0,
-        and there is no mean picture. No row where no patch is dark enough.
+        `pipeline.noise.real_noise.COLUMNS`; ``picture`` is the frame's name, the cleaned truth is
+        white, and there is no mean picture. No row where no patch is dark enough.
     """
     import pandas as pd
 
@@ -139,6 +139,7 @@ def _of_frame(
             "true_sigma_dn": fit.sigma_with_pattern_dn(mean),
             "cleaned_sigma_dn": fit.sigma_dn(mean),
             "true_correlation": 0.0,
+            "true_white_sigma_dn": fit.sigma_dn(mean),
         }
         for name, estimator in estimators.items():
             shown = patches[:, None].astype(np.float32) / np.float32(FULL_SCALE_DN * scale)

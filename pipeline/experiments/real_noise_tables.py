@@ -24,6 +24,7 @@ REAL_NOISE_PATCHES = Schema(
         "true_sigma_dn": "float64",
         "cleaned_sigma_dn": "float64",
         "true_correlation": "float64",
+        "true_white_sigma_dn": "float64",
     },
     {"sigma_dn": "DN", "low_dn": "DN", "high_dn": "DN", "true_sigma_dn": "DN", "cleaned_sigma_dn": "DN"},
 )
@@ -44,6 +45,15 @@ REAL_NOISE_SUMMARY = Schema(
             for truth in ("true", "cleaned")
             for name in ("mean_dn", "mae_dn", "mae_low_dn", "mae_high_dn", "bias_dn", "coverage_fraction")
         },
+        "mean_white_sigma_dn": "float64",  # these of the patches whose noise is taken apart
+        "true_white_mean_dn": "float64",
+        "white_mae_dn": "float64",
+        "white_mae_low_dn": "float64",
+        "white_mae_high_dn": "float64",
+        "mean_correlation": "float64",
+        "true_correlation_mean": "float64",
+        "correlation_mae_low": "float64",
+        "correlation_mae_high": "float64",
     },
     {"mean_sigma_dn": "DN", "true_mae_dn": "DN", "cleaned_mae_dn": "DN"},
 )

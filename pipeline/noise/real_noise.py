@@ -10,6 +10,9 @@ It also holds what is not noise: misregistration and drift of light show as a di
 
     real - mean = a0 + a1 m + a2 dm/dx + a3 dm/dy + a4 laplacian(m) + noise,    m = mean smoothed by 0.8 px
 
+The white part and the correlation of that noise are measured as those of training samples are
+(`pipeline.camera.processing.temporal_noise`): the least power in rings of spatial frequency, and lag 1.
+
 Estimators run on the photograph, and on the mean, which is nearly free of noise and shows what they take for it.
 Pictures are the independent units: intervals resample pictures, not patches.
 
@@ -59,8 +62,18 @@ REAL, MEAN = "_real", "_mean"
 COLUMNS = (
     "picture", "x_px", "y_px", "estimator", "sigma_dn", "low_dn", "high_dn", "white_sigma_dn", "correlation", "reason",
     "at_most_dn", "mean_picture_sigma_dn", "mean_picture_reason", "mean_picture_at_most_dn", "true_sigma_dn",
-    "cleaned_sigma_dn", "true_correlation",
+    "cleaned_sigma_dn", "true_correlation", "true_white_sigma_dn",
 )  # fmt: skip
+
+PARTS = {
+    "white_sigma_dn": (
+        "mean_white_sigma_dn", "true_white_mean_dn", "white_mae_dn", "white_mae_low_dn", "white_mae_high_dn",
+    ),
+    "correlation": (
+        "mean_correlation", "true_correlation_mean", "correlation_mae", "correlation_mae_low", "correlation_mae_high",
+    ),
+}  # fmt: skip
+"""Part of an estimate -> columns of `summarise`: its mean, that of the truth, and the error with its interval."""
 
 SUMMARY_COLUMNS = (
     "estimator", "pictures", "patches", "answered_fraction", "mean_sigma_dn", "mean_picture_answered_fraction",
@@ -70,6 +83,7 @@ SUMMARY_COLUMNS = (
         for truth in ("true", "cleaned")
         for name in ("mean_dn", "mae_dn", "mae_low_dn", "mae_high_dn", "bias_dn", "coverage_fraction")
     ),
+    *(column for columns in PARTS.values() for column in columns if column != "correlation_mae"),
 )  # fmt: skip
 
 
@@ -148,7 +162,7 @@ def measure(pair: Pair, estimators: Mapping[str, NoiseEstimator], tile_px: int =
     Args:
         pair: the pictures; grey levels are their BT.601 luma, rounded to 8 bit.
         estimators: name in the table -> estimator.
-        tile_px: side of the patches, which lie side by side from the upper left corner.
+        tile_px: side of the patches, which lie side by side from the upper left corner; a multiple of 8, at least 24.
 
     Returns:
         `COLUMNS`, a row per patch and estimator; NaN where there is none.
@@ -175,6 +189,7 @@ def measure(pair: Pair, estimators: Mapping[str, NoiseEstimator], tile_px: int =
         "true_sigma_dn": noise.std(axis=(1, 2)),
         "cleaned_sigma_dn": noise_alone.std(axis=(1, 2)),
         "true_correlation": _lag_1(noise_alone),
+        "true_white_sigma_dn": [white_sigma_dn(each) for each in noise_alone],
     }
     photograph, reference = cut(real, squares), cut(mean, squares)
     tables = []
@@ -200,6 +215,24 @@ def pieces(picture: NDArray[Any], squares: Sequence[Patch]) -> list[NDArray[Any]
         squares: inside the picture.
     """
     return [picture[each.y_px : each.y_px + each.size_px, each.x_px : each.x_px + each.size_px] for each in squares]
+
+
+def white_sigma_dn(noise: NDArray[np.float64]) -> float:
+    """White part of noise, as it is defined for shots of one scene (`pipeline.camera.processing.temporal_noise`).
+
+    Args:
+        noise: (H, W) DN; sides a multiple of 8, at least 24 px.
+
+    Returns:
+        standard deviation, DN; that module states by how much it is too low on average.
+
+    Raises:
+        InputError: other sides.
+    """
+    from pipeline.camera.processing import temporal_noise
+
+    opposed = np.stack([noise, -noise]) / np.sqrt(2)  # two shots whose variance over shots is the noise squared
+    return float(temporal_noise.measure(opposed.astype(np.float32)).white_sigma_dn)
 
 
 def answer_columns(name: str, answer: NoiseEstimate) -> dict[str, Any]:
@@ -234,7 +267,10 @@ def summarise(table: pd.DataFrame, seed: int = 1, draws: int = 500) -> pd.DataFr
         ``answered_fraction``, ``mean_sigma_dn``; ``mean_picture_sigma_dn``, the mean reading on the noise-free means,
         where answered in ``mean_picture_answered_fraction``; ``correlation_mae``; and against each truth, ``true`` and
         ``cleaned``: ``_mean_dn``, its mean, ``_mae_dn`` with the 95 % interval ``_mae_low_dn`` to ``_mae_high_dn``,
-        ``_bias_dn`` and ``_coverage_fraction``, patches whose interval holds the truth. NaN where nothing is answered.
+        ``_bias_dn`` and ``_coverage_fraction``, patches whose interval holds the truth. Over the answered patches whose
+        noise is taken apart: means of estimate and truth, ``mean_white_sigma_dn`` and ``true_white_mean_dn``,
+        ``mean_correlation`` and ``true_correlation_mean``, ``white_mae_dn`` with its interval, that of
+        ``correlation_mae``. NaN where nothing is answered.
     """
     import pandas as pd
 
@@ -249,7 +285,6 @@ def summarise(table: pd.DataFrame, seed: int = 1, draws: int = 500) -> pd.DataFr
             "mean_sigma_dn": answered["sigma_dn"].mean(),
             "mean_picture_answered_fraction": np.isfinite(group["mean_picture_sigma_dn"]).mean(),
             "mean_picture_sigma_dn": group["mean_picture_sigma_dn"].mean(),
-            "correlation_mae": (answered["correlation"] - answered["true_correlation"]).abs().mean(),
         }
         bounded = answered[np.isfinite(answered["low_dn"]) & np.isfinite(answered["high_dn"])]
         for truth in ("true", "cleaned"):
@@ -265,8 +300,21 @@ def summarise(table: pd.DataFrame, seed: int = 1, draws: int = 500) -> pd.DataFr
                 f"{truth}_bias_dn": error.mean(),
                 f"{truth}_coverage_fraction": inside.mean() if len(bounded) else np.nan,
             }
-        rows.append(row)
+        rows.append(row | _errors_of_parts(str(name), answered, seed, draws))
     return pd.DataFrame(rows, columns=list(SUMMARY_COLUMNS))
+
+
+def _errors_of_parts(name: str, answered: pd.DataFrame, seed: int, draws: int) -> dict[str, float]:
+    """White part and correlation of `summarise`, over the answered patches of an estimator."""
+    result: dict[str, float] = {}
+    for part, columns in PARTS.items():
+        known = answered[np.isfinite(answered[part])]
+        error = (known[part] - known[f"true_{part}"]).abs()
+        draw = stream(seed, "real noise", name, part)
+        mae, low, high, _ = cluster_mean(error, known["picture"], draw, draws, bounds=(0.0, math.inf))
+        numbers = (known[part].mean(), known[f"true_{part}"].mean(), mae, low, high)
+        result |= dict(zip(columns, numbers, strict=True))
+    return result
 
 
 def shared_errors(table: pd.DataFrame, reference: str, seed: int = 1, draws: int = 500) -> pd.DataFrame:

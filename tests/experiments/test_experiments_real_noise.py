@@ -78,6 +78,7 @@ def test_noise_of_raw_frames_is_measured_against_photon_transfer(raw, sensor):
     mean_dn = (selected["cleaned_sigma_dn"] ** 2 - GAIN**2 * DARK_E**2) / GAIN
     assert (mean_dn < BRIGHTEST_DN * 1.1).all()
     np.testing.assert_allclose(selected["true_sigma_dn"], selected["cleaned_sigma_dn"], rtol=0.03)  # no fixed pattern
+    assert (selected["true_white_sigma_dn"] == selected["cleaned_sigma_dn"]).all()  # raw noise is white
     worn = {name: replace(fit, pattern_fraction=0.05) for name, fit in sensor.fits.items()}
     with_pattern = measure_raw(raw_frames(raw / "light"), worn, WHITE_DN, {"pca": KINDS["pca"]}, EXECUTOR)
     of_pattern = np.sqrt(with_pattern["true_sigma_dn"] ** 2 - with_pattern["cleaned_sigma_dn"] ** 2)

@@ -46,6 +46,8 @@ def test_truth_and_estimates_of_a_simulated_camera(tmp_path):
         assert rms == pytest.approx(np.sqrt(noise.sigma_dn**2 * 12 / 11 + 1 / 12), rel=0.04)
         assert rows["true_correlation"].mean() == pytest.approx(noise.correlation, abs=0.06)
         assert (rows["cleaned_sigma_dn"] <= rows["true_sigma_dn"] + 1e-9).all()
+        white_rms = np.sqrt((rows["true_white_sigma_dn"] ** 2).mean())
+        assert white_rms == pytest.approx(np.sqrt(noise.white_sigma_dn**2 * 12 / 11 + 1 / 12), rel=0.1)
     summary = real_noise.summarise(table).set_index("estimator")
     assert summary.loc["pca_stride_2", "true_mae_dn"] < 0.5 * summary.loc["pca", "true_mae_dn"]
     assert (summary["answered_fraction"] == 1).all() and (summary["pictures"] == 2).all()
@@ -71,6 +73,19 @@ def test_cleaning_removes_a_difference_in_sharpness():
     assert real_noise.cleaned(softer + noise, mean).std() == pytest.approx(noise.std(), rel=0.05)
 
 
+@pytest.mark.parametrize("sigma_px", [0.0, 1.0])
+def test_the_white_part_is_that_of_many_shots(sigma_px):
+    """White noise of 5 DN, and noise smoothed by a Gaussian beside white noise of 2 DN, whose white part is that."""
+    shots = stream(1, "white part", sigma_px).normal(0, 5, (16, 128, 128))
+    if sigma_px:
+        shots = np.stack([cv2.GaussianBlur(shot, (0, 0), sigma_px) for shot in shots])
+        shots += stream(1, "white part", "beside").normal(0, 2, shots.shape)
+    single = np.mean([real_noise.white_sigma_dn(shot) for shot in shots])
+    assert single == pytest.approx(temporal_noise.measure(shots).white_sigma_dn, rel=0.08)
+    assert single == pytest.approx(2 if sigma_px else 5, rel=0.12)
+    assert real_noise.white_sigma_dn(np.zeros((128, 128))) == 0.0
+
+
 def test_the_summary_is_arithmetic():
     table = pd.DataFrame(
         {
@@ -81,6 +96,8 @@ def test_the_summary_is_arithmetic():
             "high_dn": [2.5, 3.5, 2.2, np.nan],
             "correlation": [0.5, 0.5, 0.5, np.nan],
             "true_correlation": 0.4,
+            "white_sigma_dn": [0.5, 0.5, 1.0, np.nan],
+            "true_white_sigma_dn": [1.0, 1.5, 1.0, 9.0],
             "mean_picture_sigma_dn": [0.1, 0.3, np.nan, np.nan],
             "true_sigma_dn": [2.0, 2.0, 2.0, 2.0],
             "cleaned_sigma_dn": [1.0, 1.0, 1.0, 1.0],
@@ -93,6 +110,10 @@ def test_the_summary_is_arithmetic():
     assert row["true_coverage_fraction"] == pytest.approx(2 / 3)
     assert row["cleaned_coverage_fraction"] == pytest.approx(1 / 3)
     assert row["mean_picture_sigma_dn"] == pytest.approx(0.2) and row["correlation_mae"] == pytest.approx(0.1)
+    assert row["white_mae_dn"] == pytest.approx(0.5) and row["mean_white_sigma_dn"] == pytest.approx(2 / 3)
+    assert row["true_white_mean_dn"] == pytest.approx(3.5 / 3)  # of the patches with an estimate
+    assert (row["mean_correlation"], row["true_correlation_mean"]) == pytest.approx((0.5, 0.4))
+    assert 0 <= row["white_mae_low_dn"] <= row["white_mae_dn"] <= row["white_mae_high_dn"]
     mixed = real_noise.summarise(table.assign(correlation=[0.5, 0.3, 0.4, np.nan])).iloc[0]
     assert mixed["correlation_mae"] == pytest.approx(0.2 / 3)
     assert 0 <= row["true_mae_low_dn"] <= row["true_mae_dn"] <= row["true_mae_high_dn"]
@@ -104,7 +125,8 @@ def patches(estimator, sigma_dn, true_dn):
     table = pd.DataFrame({"picture": [f"p{number // 2}" for number in numbers], "x_px": [128 * n for n in numbers]})
     return table.assign(
         y_px=0, estimator=estimator, sigma_dn=sigma_dn, true_sigma_dn=true_dn, cleaned_sigma_dn=true_dn, low_dn=np.nan,
-        high_dn=np.nan, correlation=np.nan, true_correlation=0.0, mean_picture_sigma_dn=np.nan,
+        high_dn=np.nan, correlation=np.nan, true_correlation=0.0, mean_picture_sigma_dn=np.nan, white_sigma_dn=np.nan,
+        true_white_sigma_dn=true_dn,
     )  # fmt: skip
 
 

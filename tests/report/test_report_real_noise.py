@@ -46,6 +46,7 @@ def test_recorded_numbers_stand_in_for_stages_that_have_not_run(inputs: ReportIn
     blocks = {block.name: block for block in section.blocks if isinstance(block, (Figure, Table))}
     tables = [
         "real_noise_errors",
+        "real_noise_parts",
         "real_noise_picture_bounds",
         "real_noise_sources",
         "real_sensor",
@@ -64,6 +65,16 @@ def test_recorded_numbers_stand_in_for_stages_that_have_not_run(inputs: ReportIn
     values = [shared[place, "Correlated"].value for place in ("CC", "PolyU")]
     assert values == pytest.approx([0.42, 0.71], abs=0.005)  # 0.60 and 1.08 on all patches
     assert shared["CC", "Adaptive"].value == pytest.approx(error.value, rel=1e-4)
+    split = blocks["real_noise_parts"]
+    assert isinstance(split, Table)
+    rows = {(row["recording"], row["estimator"]): row for row in split.rows}
+    assert {estimator for _, estimator in rows} == {"Adaptive", "Correlated"}  # others read white noise only
+    assert {recording for recording, _ in rows} == {"CC", "PolyU", "Flea3 (raw)"}
+    for place in ("CC", "PolyU"):
+        row = rows[place, "Adaptive"]
+        assert row["white_mae_dn"].value < 0.25 * row["true_white_mean_dn"]
+        assert row["correlation_mae"].low < row["correlation_mae"].value < 0.05 < 0.5 < row["true_correlation_mean"]
+    assert rows["Flea3 (raw)", "Adaptive"]["true_correlation_mean"] == 0
     bounds = blocks["real_noise_picture_bounds"]
     assert isinstance(bounds, Table)
     shown = {(row["recording"], row["of"]): row for row in bounds.rows}

@@ -104,6 +104,13 @@ def errors(parts: Sequence[Recording]) -> Table:
     return PAGE.table("real_noise_errors", rows)
 
 
+def white_and_correlation(parts: Sequence[Recording]) -> Table:
+    """Errors of the white part and of the correlation, of the estimators that take noise apart."""
+    rows = pd.concat([part.summary.assign(recording=part.name) for part in parts])
+    rows = ordered(rows, recording=[part.name for part in parts], estimator=ORDER)
+    return PAGE.table("real_noise_parts", rows[np.isfinite(rows["white_mae_dn"])])
+
+
 def picture_bounds(parts: Sequence[Recording]) -> Table:
     """Whole pictures without an estimate of the default estimator, and how much noise there is at most in them."""
     rows = [
@@ -267,7 +274,8 @@ def section(inputs: ReportInputs) -> Section | None:
         made_by = tuple(part.stage for part in parts if part.stage)
         estimators = [name for name in SHOWN if any((part.patches["estimator"] == name).any() for part in parts)]
         drawing = scatter(parts, estimators)
-        blocks += [PAGE.figure("real_noise", drawing, made_by), errors(parts), picture_bounds(parts), _sources(parts)]
+        blocks += [PAGE.figure("real_noise", drawing, made_by), errors(parts), white_and_correlation(parts)]
+        blocks += [picture_bounds(parts), _sources(parts)]
     if made is not None:
         constants = made.transfer.merge(made.dark, on="plane")
         blocks.append(PAGE.figure("real_sensor", sensor_figure(made), [made.stage] if made.stage else ()))
