@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from pipeline.datasets.frame import Box, Frame
-from pipeline.datasets.labels import tidy
+from pipeline.datasets.labels import BadLabels, refuse_reversed, tidy
 from pipeline.datasets.pictures import SUFFIXES, picture_size
 from pipeline.datasets.whitelist import read_whitelist, select
 from pipeline.errors import InputError
@@ -108,6 +108,11 @@ class Dataset(ABC):
         notes: Sequence[str] = (),
     ) -> Frame:
         """A frame whose boxes are clipped to its picture and checked against the dataset's classes."""
+        try:
+            for box in () if defect else boxes:  # a third party's reader may not have looked
+                refuse_reversed((box.x1, box.y1, box.x2, box.y2), f"labels of {path}")
+        except BadLabels as error:
+            boxes, defect = (), str(error)
         size_px = picture_size(path) if boxes else None
         kept, changes = tidy(boxes, size_px, self.classes)
         return Frame(self.name, path.stem, path, kept, tuple(previous), split, defect, (*notes, *changes))

@@ -21,7 +21,7 @@ from typing import ClassVar
 
 from pipeline.datasets.dataset import Dataset, pictures_in
 from pipeline.datasets.frame import Box, Frame
-from pipeline.datasets.labels import NO_BOX, BadLabels, numbers, read_lines, refuse_fractions
+from pipeline.datasets.labels import NO_BOX, BadLabels, numbers, read_lines, refuse_fractions, refuse_reversed
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _DIFFICULT = {"difficult": True, "1": True, "0": False}
@@ -61,7 +61,8 @@ def read_box_labels(path: Path) -> list[Box]:
     """The boxes of one label file, not yet clipped.
 
     Raises:
-        BadLabels: the file is missing, or a line is not ``class x1 y1 x2 y2 [difficult]`` in pixels.
+        BadLabels: the file is missing, or a line is not ``class x1 y1 x2 y2 [difficult]`` in pixels with x1 <= x2 and
+            y1 <= y2.
     """
     boxes = []
     for line, where in read_lines(path):
@@ -76,6 +77,7 @@ def read_box_labels(path: Path) -> list[Box]:
             )
         x1, y1, x2, y2 = numbers(corners, where)
         refuse_fractions((x1, y1, x2, y2), where)
+        refuse_reversed((x1, y1, x2, y2), where)
         boxes.append(Box(" ".join(label), x1, y1, x2, y2, flagged and _DIFFICULT[words[-1]]))
     return boxes
 

@@ -25,7 +25,7 @@ from typing import ClassVar
 
 from pipeline.datasets.dataset import Dataset, pictures_in
 from pipeline.datasets.frame import Box, Frame
-from pipeline.datasets.labels import NO_BOX, BadLabels, numbers, read_lines
+from pipeline.datasets.labels import NO_BOX, BadLabels, numbers, read_lines, refuse_reversed
 
 FIELDS = 15
 LOWEST_CAR_PX = 25.0
@@ -67,7 +67,8 @@ def read_kitti_labels(path: Path) -> list[Box]:
     """The boxes of one label file, not yet clipped, ignored by the paper's rule.
 
     Raises:
-        BadLabels: the file is missing, or a line does not have 15 fields or numbers where they belong.
+        BadLabels: the file is missing, or a line does not have 15 fields, numbers where they belong, or left <= right
+            and top <= bottom.
     """
     boxes = []
     for line, where in read_lines(path):
@@ -75,6 +76,7 @@ def read_kitti_labels(path: Path) -> list[Box]:
         if len(words) != FIELDS:
             raise BadLabels(f"{where}: {len(words)} fields, expected {FIELDS}")
         truncated, _, _, x1, y1, x2, y2 = numbers(words[1:8], where)
+        refuse_reversed((x1, y1, x2, y2), where)
         ignored = words[0] in _ALWAYS_IGNORED or (
             words[0] == "Car" and (y2 - y1 < LOWEST_CAR_PX or truncated > MOST_TRUNCATED)
         )

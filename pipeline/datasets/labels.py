@@ -2,8 +2,8 @@
 
 Mended and noted: a box that reaches past the image is clipped; one that is wholly outside, or has no area, is
 dropped, and so is one that is listed a second time; one of a class the dataset does not define becomes an ignored
-region. Noted: a label file without a box. Not mended: text where a number belongs, or corners given as fractions of
-the image, make the whole frame defective.
+region. Noted: a label file without a box. Not mended: text where a number belongs, a second corner left of or above the
+first, or corners given as fractions of the image, make the whole frame defective.
 """
 
 from __future__ import annotations
@@ -65,6 +65,25 @@ def refuse_fractions(corners: Sequence[float], where: str) -> None:
         raise BadLabels(
             f"{where}: {' '.join(f'{value:g}' for value in corners)} look like fractions of the image (YOLO: centre and"
             " size); expected corners x1 y1 x2 y2 in pixels: x1 = (xc - w / 2) * width, and so on"
+        )
+
+
+def refuse_reversed(corners: Sequence[float], where: str) -> None:
+    """Refuse corners in another order than left, top, right, bottom, as centre or corner with a size often read.
+
+    Args:
+        corners: x1, y1, x2, y2 of one box, pixels.
+        where: file and line, for the message.
+
+    Raises:
+        BadLabels: x2 < x1 or y2 < y1. A side of exactly 0 is none of it: such a box is dropped by `tidy`.
+    """
+    x1, y1, x2, y2 = corners
+    if x2 < x1 or y2 < y1:
+        wrong = " and ".join(name for name, holds in (("x2 < x1", x2 < x1), ("y2 < y1", y2 < y1)) if holds)
+        raise BadLabels(
+            f"{where}: {' '.join(f'{value:g}' for value in corners)} has {wrong}; expected corners x1 y1 x2 y2 (left,"
+            " top, right, bottom), not x y width height"
         )
 
 

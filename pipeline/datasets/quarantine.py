@@ -6,6 +6,7 @@
 | float values that are NaN or outside [0, 1], integers of 32 bits | frame left out |
 | picture smaller than one blur patch (192 px) on either side | frame left out |
 | label file missing, text where a number belongs, further columns, fractions of the image | frame left out |
+| box with x2 < x1 or y2 < y1, as of x y width height | frame left out |
 | labelled picture that is not there | frame left out |
 | more than 8 bits a channel | used, divided by their white (`Picture.white`); noted |
 | colour | used, BT.601 luma; noted |

@@ -24,7 +24,7 @@ from typing import Any, ClassVar
 
 from pipeline.datasets.dataset import DataAbsent, Dataset, pictures_in
 from pipeline.datasets.frame import Box, Frame
-from pipeline.datasets.labels import BadLabels, numbers
+from pipeline.datasets.labels import BadLabels, numbers, refuse_reversed
 from pipeline.errors import InputError
 
 MOMENTS = ("last", "all")
@@ -115,5 +115,6 @@ class Sim(Dataset):
             (fraction,) = numbers([visible], where)
         except (KeyError, TypeError, ValueError, AttributeError):
             raise BadLabels(f"{where}: expected label, box [x1, y1, x2, y2] and visible_fraction") from None
+        refuse_reversed((x1, y1, x2, y2), where)
         ignored = y2 - y1 < self.min_height_px or fraction < self.min_visible_fraction
         return Box(label, x1, y1, x2, y2, ignored, fraction)

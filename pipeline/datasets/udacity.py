@@ -30,7 +30,7 @@ from typing import ClassVar
 
 from pipeline.datasets.dataset import DataAbsent, Dataset, pictures_in
 from pipeline.datasets.frame import Box, Frame
-from pipeline.datasets.labels import NO_ROW, BadLabels, numbers, read_lines, refuse_fractions
+from pipeline.datasets.labels import NO_ROW, BadLabels, numbers, read_lines, refuse_fractions, refuse_reversed
 from pipeline.errors import InputError
 
 FOLDERS = {"autti": "object-dataset", "crowdai": "object-detection-crowdai"}
@@ -149,6 +149,7 @@ def _gather(rows: Sequence[tuple[str, str, list[str], str]], path: Path) -> Labe
         try:
             x1, y1, x2, y2 = numbers(corners, where)
             refuse_fractions((x1, y1, x2, y2), where)
+            refuse_reversed((x1, y1, x2, y2), where)
         except BadLabels as error:
             defects[name] = str(error)
             continue

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
-from data_makers import make_folder, make_udacity
+from data_makers import make_folder, make_kitti, make_sim, make_udacity
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline import datasets
-from pipeline.datasets.folder import read_box_labels
+from pipeline.datasets.folder import Folder, read_box_labels
 from pipeline.datasets.frame import Box
-from pipeline.datasets.labels import NO_BOX, NO_ROW, TWICE, BadLabels, tidy
+from pipeline.datasets.labels import EMPTY, NO_BOX, NO_ROW, TWICE, BadLabels, tidy
 from pipeline.datasets.whitelist import read_whitelist, select
 from pipeline.errors import InputError
 
 words = st.text(st.characters(whitelist_categories=("L",)), min_size=1, max_size=8)
 labels = st.lists(words, min_size=1, max_size=3).map(" ".join)
 coordinates = st.floats(-1e6, 1e6, allow_nan=False).filter(lambda value: not 0 < value < 1)  # no fractions of images
-boxes = st.builds(Box, labels, coordinates, coordinates, coordinates, coordinates, st.booleans(), st.just(0.5))
+sides = st.lists(coordinates, min_size=2, max_size=2).map(sorted)
+boxes = st.builds(
+    lambda label, x, y, ignore: Box(label, x[0], y[0], x[1], y[1], ignore, 0.5), labels, sides, sides, st.booleans()
+)
 
 
 def row(box: Box) -> str:
@@ -50,8 +55,9 @@ def test_a_box_that_begins_at_the_border_has_no_part_inside(box, inside):
         ("car 1 2 3 4", Box("car", 1, 2, 3, 4)),
         ("car 1 2 3 4 1", Box("car", 1, 2, 3, 4, True)),
         ("car 1 2 3 4 0", Box("car", 1, 2, 3, 4)),
-        ("car 1 2 3 1", Box("car", 1, 2, 3, 1)),
-        ("traffic light 1 2 3 1", Box("traffic light", 1, 2, 3, 1)),
+        ("car 1 0 3 1", Box("car", 1, 0, 3, 1)),
+        ("traffic light 1 0 3 1", Box("traffic light", 1, 0, 3, 1)),
+        ("car 1 2 1 4", Box("car", 1, 2, 1, 4)),  # without area, dropped later
         ("traffic light 1 2 3 4 difficult", Box("traffic light", 1, 2, 3, 4, True)),
         ("7 1 2 3 4", Box("7", 1, 2, 3, 4)),
     ],
@@ -74,6 +80,55 @@ def test_rows_that_are_refused(tmp_path, line):
     (tmp_path / "a.txt").write_text("car 1 2 3 4\n" + line)
     with pytest.raises(BadLabels, match=r"a\.txt, line 2"):
         read_box_labels(tmp_path / "a.txt")
+
+
+def frames_with_box(kind, root, corners):
+    """Frames of a dataset, a box of the first of which has other corners, and the file that has them."""
+    text = " ".join(map(str, corners))
+    if kind == "folder":
+        file = make_folder(root, frames=1) / "labels/frame-0.txt"
+        file.write_text(f"car 40 130 170 200\ncar {text}\n")
+    elif kind == "kitti":
+        file = make_kitti(root, frames=1, previous=0) / "training/label_2/000000.txt"
+        file.write_text(f"Car 0 0 0 40 130 170 200 {'0 ' * 7}\nDontCare -1 -1 -10 {text} {'-1 ' * 7}\n")
+    elif kind == "sim":
+        file = make_sim(root, viewpoints=1) / "evaluation/evaluation-0000-3.json"
+        rows = [{"label": "car", "box": [40, 130, 170, 200]}, {"label": "car", "box": list(corners)}]
+        file.write_text(json.dumps(rows))
+    else:
+        layout = kind.partition("-")[2]
+        file = next(make_udacity(root, 1, layout).rglob("labels.csv"))
+        name = next(root.rglob("*.jpg")).name
+        row = {"autti": f'{name} {text} 0 "car"', "crowdai": f"{text.replace(' ', ',')},{name},Car,"}[layout]
+        file.write_text(f"{row}\n{row}\n")
+        return datasets.open_dataset("udacity", "u", root, layout=layout).frames(), file
+    return datasets.open_dataset(kind, "d", root).frames(), file
+
+
+@pytest.mark.parametrize("kind", ["folder", "kitti", "udacity-autti", "udacity-crowdai", "sim"])
+@pytest.mark.parametrize(
+    ("corners", "wrong"),
+    [((200, 30, 60, 90), "x2 < x1"), ((60, 200, 90, 50), "y2 < y1"), ((300, 200, 60, 50), "x2 < x1 and y2 < y1")],
+)
+def test_a_second_corner_before_the_first_makes_bad_labels(kind, corners, wrong, tmp_path):
+    """As of x y width height; a side of exactly 0, as KITTI's regions without one, is dropped and noted."""
+    (frame,), file = frames_with_box(kind, tmp_path / "bad", corners)
+    assert frame.boxes == () and file.name in frame.defect and ("line 2" in frame.defect or "box 1" in frame.defect)
+    assert f"{' '.join(map(str, corners))} has {wrong}; expected corners x1 y1 x2 y2" in frame.defect
+    assert "not x y width height" in frame.defect
+    (frame,), _ = frames_with_box(kind, tmp_path / "empty", (-1, -1, -1, -1))
+    assert frame.defect == "" and EMPTY in frame.notes
+
+
+def test_a_reader_of_a_third_party_may_not_give_reversed_corners_either(tmp_path):
+    class Reversed(Folder):
+        def _read(self):
+            yield self._frame(self.images / "frame-0.png", [Box("car", 200, 30, 60, 90)])
+            yield self._frame(self.images / "frame-1.png", [Box("car", 60, 30, 200, 90)])
+
+    bad, good = Reversed("mine", make_folder(tmp_path)).frames()
+    assert bad.boxes == () and "frame-0.png: 200 30 60 90 has x2 < x1" in bad.defect
+    assert len(good.boxes) == 1 and good.defect == ""
 
 
 def test_a_byte_order_mark_is_not_part_of_the_first_word(tmp_path):
