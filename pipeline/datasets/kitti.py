@@ -6,7 +6,8 @@
     <root>/training/label_2/NNNNNN.txt        one object a line, 15 fields
     <root>/training/prev_2/NNNNNN_01.png      the frame just before; _02 and _03 the ones before that (optional)
 
-Each picture needs a label file, which may be empty (noted), and each label file a picture.
+Each picture needs a label file, which may be empty (noted), and each label file a picture. Pictures may be converted:
+their suffixes need not be ``.png``, nor that of a preceding frame that of its frame.
 
 Fields: type, truncated (0 to 1), occluded (0 to 3), alpha, left, top, right, bottom (pixels, 0-based, may reach past
 a cropped image), height, width, length, x, y, z, rotation_y. Class words are kept as they are in the file.
@@ -19,13 +20,14 @@ Licence: CC BY-NC-SA 3.0 (non-commercial). https://www.cvlibs.net/datasets/kitti
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import ClassVar
 
 from pipeline.datasets.dataset import Dataset, pictures_in
 from pipeline.datasets.frame import Box, Frame
 from pipeline.datasets.labels import NO_BOX, BadLabels, numbers, read_lines, refuse_reversed
+from pipeline.errors import InputError
 
 FIELDS = 15
 LOWEST_CAR_PX = 25.0
@@ -48,8 +50,7 @@ class Kitti(Dataset):
 
     def _read(self) -> Iterable[Frame]:
         images, labels = self._part("training", "image_2"), self._part("training", "label_2")
-        before = self.root / "training" / "prev_2"
-        pictures = pictures_in(images)
+        pictures, before = pictures_in(images), self._preceding(self.root / "training" / "prev_2")
         for path in pictures:
             boxes: list[Box] = []
             defect = ""
@@ -61,6 +62,15 @@ class Kitti(Dataset):
             previous = _previous(before, path.stem)
             yield self._frame(path, boxes, previous=previous, split="training", defect=defect, notes=notes)
         yield from self._without_picture(labels, pictures)
+
+    def _preceding(self, folder: Path) -> dict[str, Path]:
+        """Preceding pictures by name, of any format that is read; none without their folder."""
+        pictures = pictures_in(folder) if folder.is_dir() else []
+        by_stem = {path.stem: path for path in pictures}
+        for path in pictures:
+            if by_stem[path.stem] != path:
+                raise InputError(f"dataset '{self.name}': two pictures are called '{path.stem}' in {folder}; remove one")
+        return by_stem
 
 
 def read_kitti_labels(path: Path) -> list[Box]:
@@ -84,12 +94,12 @@ def read_kitti_labels(path: Path) -> list[Box]:
     return boxes
 
 
-def _previous(folder: Path, stem: str) -> list[Path]:
+def _previous(before: Mapping[str, Path], stem: str) -> list[Path]:
     """Up to three preceding pictures, oldest first, without a gap before the frame itself."""
     results: list[Path] = []
     for back in (1, 2, 3):
-        path = folder / f"{stem}_{back:02d}.png"
-        if not path.is_file():
+        path = before.get(f"{stem}_{back:02d}")
+        if path is None or not path.is_file():
             break
         results.insert(0, path)
     return results

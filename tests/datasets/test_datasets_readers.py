@@ -117,6 +117,20 @@ def test_kitti_gap_in_previous_frames(tmp_path):
     assert [path.stem for path in frame.previous] == ["000000_01"]
 
 
+def test_kitti_previous_frames_may_be_of_any_format_that_is_read(tmp_path):
+    root = make_kitti(tmp_path, frames=2)
+    before = root / "training" / "prev_2"
+    for old, new in (("000000_01.png", "000000_01.jpg"), ("000000_02.png", "000000_02.PNG")):
+        (before / old).rename(before / new)
+    (before / "000001_01.png").rename(before / "000001_01.txt")  # no picture
+    frames = datasets.open_dataset("kitti", "k", root).frames()
+    assert [path.name for path in frames[0].previous] == ["000000_03.png", "000000_02.PNG", "000000_01.jpg"]
+    assert frames[1].previous == ()
+    shutil.copy(before / "000000_02.PNG", before / "000000_02.bmp")
+    with pytest.raises(InputError, match="two pictures are called '000000_02' in .*prev_2"):
+        datasets.open_dataset("kitti", "k", root).frames()
+
+
 def test_udacity_layouts_agree(tmp_path):
     root = make_udacity(tmp_path)
     autti = datasets.open_dataset("udacity", "u", root).frames()
