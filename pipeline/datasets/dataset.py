@@ -87,6 +87,17 @@ class Dataset(ABC):
             frames = [frames[(index * len(frames)) // self.limit] for index in range(self.limit)]
         return frames
 
+    def scene_of(self, frame: str) -> str:
+        """The scene that a frame shows: frames of one scene are no independent samples (`Frame.scene`).
+
+        Args:
+            frame: its name.
+
+        Returns:
+            the name of the scene; here that of the frame, which is the only one of its scene.
+        """
+        return frame
+
     def _part(self, *names: str) -> Path:
         """A folder below the root that must exist."""
         folder = self.root.joinpath(*names)
@@ -115,7 +126,8 @@ class Dataset(ABC):
             boxes, defect = (), str(error)
         size_px = picture_size(path) if boxes else None
         kept, changes = tidy(boxes, size_px, self.classes)
-        return Frame(self.name, path.stem, path, kept, tuple(previous), split, defect, (*notes, *changes))
+        scene = "" if defect else self.scene_of(path.stem)
+        return Frame(self.name, path.stem, path, kept, tuple(previous), split, defect, (*notes, *changes), scene)
 
     def _without_picture(self, labels: Path, pictures: Collection[Path]) -> Iterator[Frame]:
         """A defective frame for each label file that is not hidden and has no picture; none without any picture."""

@@ -22,21 +22,48 @@ from typing import ClassVar
 from pipeline.datasets.dataset import Dataset, pictures_in
 from pipeline.datasets.frame import Box, Frame
 from pipeline.datasets.labels import NO_BOX, BadLabels, numbers, read_lines, refuse_fractions, refuse_reversed
+from pipeline.errors import InputError
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _DIFFICULT = {"difficult": True, "1": True, "0": False}
 
 
 class Folder(Dataset):
-    """A folder of pictures; see the module for the layout. Arguments as `Dataset`."""
+    """A folder of pictures; see the module for the layout.
+
+    Args:
+        name: name of the dataset.
+        root: the folder.
+        scene: regular expression (`re`) that matches the beginning of a frame's name: frames for which it matches the
+            same text, or its first group does, show one scene. ``".+_"`` is the text up to the last ``_``. None: every
+            frame is a scene of its own.
+        whitelist: see `Dataset`.
+        limit: see `Dataset`.
+
+    Raises:
+        InputError: `scene` is no regular expression; in `frames`, a frame for whose name it has no match.
+    """
 
     kind: ClassVar[str] = "folder"
     source: ClassVar[str] = "Any folder of PNG, JPEG, TIFF, BMP, WebP or PGM pictures will do."
 
     def __init__(
-        self, name: str, root: str | Path, *, whitelist: str | Path | None = None, limit: int | None = None
+        self,
+        name: str,
+        root: str | Path,
+        *,
+        scene: str | None = None,
+        whitelist: str | Path | None = None,
+        limit: int | None = None,
     ) -> None:
         super().__init__(name, root, whitelist=whitelist, limit=limit)
+        try:
+            self.scene = None if scene is None else re.compile(scene)
+        except (re.error, TypeError) as error:
+            raise InputError(
+                f"datasets.{name}.options.scene={scene!r}: expected a regular expression, such as '.+_' for the text up"
+                f" to the last _ of a frame's name ({error})"
+            ) from None
         below = self.root / "images"
         self.images = below if below.is_dir() else self.root
         self.labelled = (self.root / "labels").is_dir()
@@ -55,6 +82,19 @@ class Folder(Dataset):
             yield self._frame(path, boxes, defect=defect, notes=notes)
         if self.labelled:
             yield from self._without_picture(self.root / "labels", pictures)
+
+    def scene_of(self, frame: str) -> str:
+        """What the option `scene` matches of its name; without the option, its name."""
+        if self.scene is None:
+            return frame
+        match = self.scene.match(frame)
+        if match is None or not match[0]:
+            raise InputError(
+                f"datasets.{self.name}.options.scene={self.scene.pattern!r} matches nothing at the beginning of the"
+                f" frame's name '{frame}'; with '|.+' at its end such a frame is a scene of its own"
+            )
+        group = match[1] if self.scene.groups else None
+        return str(group or match[0])
 
 
 def read_box_labels(path: Path) -> list[Box]:

@@ -60,6 +60,8 @@ class Frame:
         defect: why the frame must not be used (broken or missing labels), or empty. `pipeline.datasets.quarantine`
             leaves such a frame out and counts it.
         notes: what was mended while reading its labels, one entry per occurrence.
+        scene: which scene it shows: frames of one scene are no independent samples, and intervals are drawn over
+            scenes. Empty where the frame is the only one of its scene.
     """
 
     dataset: str
@@ -70,6 +72,7 @@ class Frame:
     split: str = ""
     defect: str = ""
     notes: tuple[str, ...] = ()
+    scene: str = ""
 
     def image(self) -> np.ndarray:
         """The picture as grey levels: (H, W) float32 in [0, 1]. See `pipeline.datasets.pictures.read_grey`."""

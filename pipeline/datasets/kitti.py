@@ -69,7 +69,7 @@ class Kitti(Dataset):
         by_stem = {path.stem: path for path in pictures}
         for path in pictures:
             if by_stem[path.stem] != path:
-                raise InputError(f"dataset '{self.name}': two pictures are called '{path.stem}' in {folder}; remove one")
+                raise InputError(f"dataset '{self.name}': two pictures are called '{path.stem}' in {folder}; keep one")
         return by_stem
 
 

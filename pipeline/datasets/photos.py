@@ -101,6 +101,10 @@ class Photos(Dataset):
                 raise InputError(f"{path}: not the photograph expected (SHA-256 differs); reinstall scikit-image")
             yield self._frame(path)
 
+    def scene_of(self, frame: str) -> str:
+        """Its name without the side of a stereo pair."""
+        return frame.removesuffix("_left").removesuffix("_right")
+
 
 def _installed(name: str) -> Path:
     result = importlib.util.find_spec("skimage")

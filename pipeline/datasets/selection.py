@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
@@ -10,9 +10,6 @@ if TYPE_CHECKING:
     from pipeline.datasets.settings import DatasetSettings
 
 Item = TypeVar("Item")
-
-DRIVE_SCENE_S = 10
-"""Seconds of a drive that count as one scene: some 100 m in a town."""
 
 
 def evenly_spread(items: Sequence[Item], count: int | None) -> list[Item]:
@@ -49,25 +46,9 @@ def with_options(name: str, section: DatasetSettings, options: dict[str, Any]) -
     return [frame for frame in open_section(name, changed).frames() if not frame.defect]
 
 
-def scene_of(kind: str, frame: str) -> str:
-    """The scene that a frame shows: frames of one scene are no independent samples.
+def scenes_of(frames: Iterable[Frame]) -> dict[str, str]:
+    """Frame name -> the scene it shows, by `Frame.scene`; frames of one scene are no independent samples.
 
-    Moments of Sim share their viewpoint, the pictures of a stereo pair among the photographs their scene. Of Udacity,
-    whose names are times in nanoseconds and whose drives have 2 frames a second, frames of the same `DRIVE_SCENE_S` by
-    the clock are one scene; that neighbours on either side of its end, or frames of a long halt, show the same is not
-    recognised.
-
-    Args:
-        kind: of the dataset, see `pipeline.datasets.settings.DatasetSettings`.
-        frame: its name in the dataset.
-
-    Returns:
-        the name of the scene; that of the frame where it is the only one.
+    A frame that states none is a scene by itself.
     """
-    if kind == "sim":
-        return frame.rpartition("-")[0] or frame
-    if kind == "photos":
-        return frame.removesuffix("_left").removesuffix("_right")
-    if kind == "udacity" and frame.isdecimal():
-        return str(int(frame) // (DRIVE_SCENE_S * 1_000_000_000))
-    return frame
+    return {frame.name: frame.scene or frame.name for frame in frames}

@@ -92,6 +92,11 @@ class Sim(Dataset):
                 previous = moments[max(0, index - 3) : index]
                 yield self._frame(path, boxes, previous=previous, split=self.split, defect=defect)
 
+    def scene_of(self, frame: str) -> str:
+        """Its viewpoint, which its moments share."""
+        match = NAME.match(frame)
+        return match["viewpoint"] if match else frame
+
     def _boxes(self, path: Path) -> list[Box]:
         try:
             content: Any = json.loads(path.read_text(encoding="utf-8"))

@@ -34,6 +34,8 @@ from pipeline.datasets.labels import NO_ROW, BadLabels, numbers, read_lines, ref
 from pipeline.errors import InputError
 
 FOLDERS = {"autti": "object-dataset", "crowdai": "object-detection-crowdai"}
+DRIVE_SCENE_S = 10
+"""Seconds of a drive that count as one scene: some 100 m in a town."""
 _MEMORY = 3  # previous frames at most
 
 
@@ -101,6 +103,13 @@ class Udacity(Dataset):
         for name in named - used:
             path = self.images / name
             yield self._frame(path, defect=f"{path}: labelled, but there is no such picture")
+
+    def scene_of(self, frame: str) -> str:
+        """The `DRIVE_SCENE_S` by the clock that it belongs to; a name that is no time in nanoseconds is its own scene.
+
+        That neighbours on either side of their end, or frames of a long halt, show the same is not recognised.
+        """
+        return str(int(frame) // (DRIVE_SCENE_S * 1_000_000_000)) if frame.isdecimal() else frame
 
 
 Labels = tuple[dict[str, list[Box]], dict[str, str]]

@@ -22,7 +22,7 @@ from pipeline.camera.settings import CameraSettings
 from pipeline.camera.truth import LIGHTS, ORDERS
 from pipeline.cluster_intervals import NO_INTERVAL, bias_corrected, resamples
 from pipeline.datasets.frame import Frame
-from pipeline.datasets.selection import scene_of
+from pipeline.datasets.selection import scenes_of
 from pipeline.detection.average_precision import MeanResult, evaluate, mean_over_classes
 from pipeline.detection.base import Detections
 from pipeline.detection.classes import ClassMap
@@ -163,7 +163,7 @@ def precisions(
         seed: of the bootstrap.
     """
     truths = [words.truth(frame.boxes, criteria.min_height_px, criteria.min_visible_fraction) for frame in frames]
-    scenes = [scene_of("sim", frame.name) for frame in frames]
+    scenes = list(scenes_of(frames).values())
     scores = []
     for number in range(len(chosen)):
         parts = [each[number] for each in found]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline import store
 from pipeline.curves import directions, precision
-from pipeline.datasets.selection import evaluation_frames, evenly_spread, scene_of
+from pipeline.datasets.selection import evaluation_frames, evenly_spread, scenes_of
 from pipeline.errors import InputError
 from pipeline.experiments import detect, iopc
 from pipeline.experiments.class_maps import class_map
@@ -148,12 +148,11 @@ def _measure(
         executor=lambda function, items, label: run_map(function, items, label=label),
         label=f"condition of {dataset}",
     )
-    scene = partial(scene_of, config.datasets[dataset].kind)
-    conditions = condition_medians(estimates, config.seed, criteria.bootstrap_draws, scene)
+    scenes = scenes_of(frames)
+    conditions = condition_medians(estimates, config.seed, criteria.bootstrap_draws, scenes.__getitem__)
     classes, options = tuple(words.classes), detect.options_of(section)
     one = detect.Sweep(section.kind, options, classes, shape.noise_source, levels, camera, config.seed)
     result = run_map(partial(_look, one), work, label=f"{detector} on {dataset}")
-    scenes = {frame.name: scene(frame.name) for frame in frames}
     detections, looked = detect.tables(work, result, one, scenes)
     table, draws = precision.average_precision(
         detections, looked, detect.objects(frames, words), conditions, classes, criteria, config.seed

@@ -24,7 +24,7 @@ def run(run: Run) -> None:
 
     from pipeline import store
     from pipeline.config.hydra_plugins.plug_in_sources import digest
-    from pipeline.datasets.selection import evaluation_frames, scene_of
+    from pipeline.datasets.selection import evaluation_frames, scenes_of
     from pipeline.detection import checkpoint
     from pipeline.experiments import detect
     from pipeline.experiments.class_maps import class_map
@@ -59,8 +59,7 @@ def run(run: Run) -> None:
     folder = run.inputs / ".cache/detect" / key
     work = [(frame, kernel) for frame in frames for kernel in blurs]
     result = run.map(partial(detect_frame, sweep=sweep, folder=folder), work, f"{name} on {dataset}")
-    scenes = {frame.name: scene_of(source.kind, frame.name) for frame in frames}
-    detections, looked = detect.tables(work, result, sweep, scenes)
+    detections, looked = detect.tables(work, result, sweep, scenes_of(frames))
     with store.replacing_folder(run.outputs / f"data/detect/{dataset}-{name}") as out:
         store.write_table(out / "detections.parquet", detections, detect.DETECTIONS)
         store.write_table(out / "looked.parquet", looked, detect.LOOKED)

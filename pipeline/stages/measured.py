@@ -24,10 +24,8 @@ USES = {
 @stage("measured", reads=READS, job=["dataset"], uses=USES)
 def run(run: Run) -> None:
     """Estimate in every frame behind every kernel at every level; write the estimates and their medians."""
-    from functools import partial
-
     from pipeline import store
-    from pipeline.datasets.selection import evaluation_frames, scene_of
+    from pipeline.datasets.selection import evaluation_frames, scenes_of
     from pipeline.experiments import iopc, tables
     from pipeline.experiments.class_maps import class_map
     from pipeline.experiments.condition import sweep_kernels
@@ -48,7 +46,7 @@ def run(run: Run) -> None:
         executor=run.map,
         label=f"condition of {name}",
     )
-    summary = condition_medians(estimates, params.seed, criteria.bootstrap_draws, partial(scene_of, source.kind))
+    summary = condition_medians(estimates, params.seed, criteria.bootstrap_draws, scenes_of(frames).__getitem__)
     with store.replacing_folder(run.outputs / "data/measured" / name) as out:
         store.write_table(out / "estimates.parquet", estimates, tables.MEASURED)
         store.write_table(out / "conditions.parquet", summary, tables.CONDITIONS)

@@ -1,12 +1,19 @@
 """Frames chosen: evenly spread, more moments than the index holds, and which of them are independent."""
 
+import dataclasses
+import shutil
 from pathlib import Path
 
-from data_makers import make_sim
+import pytest
+from data_makers import make_folder, make_kitti, make_sim, make_udacity
 
+from pipeline.datasets import open_dataset
+from pipeline.datasets.folder import Folder
 from pipeline.datasets.photos import PHOTOGRAPHS
-from pipeline.datasets.selection import evaluation_frames, evenly_spread, scene_of
+from pipeline.datasets.selection import evaluation_frames, evenly_spread, scenes_of
 from pipeline.datasets.settings import DatasetSettings
+from pipeline.datasets.udacity import Udacity
+from pipeline.errors import InputError
 
 
 def test_items_are_spread_evenly():
@@ -21,21 +28,73 @@ def test_more_moments_can_be_judged_than_the_index_holds(tmp_path):
     assert len(frames) == 8
     chosen = evaluation_frames(tmp_path, "sim", section, {"moments": "all"}, 4)
     assert [frame.name[-6:] for frame in chosen] == ["0000-0", "0000-2", "0001-0", "0001-2"]
-    assert len({scene_of("sim", frame.name) for frame in frames}) == 2
-    assert scene_of("kitti", "000012") == "000012" and scene_of("folder", "street-3") == "street-3"
+    assert set(scenes_of(frames).values()) == {"evaluation-0000", "evaluation-0001"}
+
+
+def test_frames_are_scenes_of_their_own_where_nothing_is_known_of_them(tmp_path):
+    for kind, root in (("kitti", make_kitti(tmp_path / "kitti")), ("folder", make_folder(tmp_path / "folder"))):
+        frames = open_dataset(kind, kind, root).frames()
+        assert scenes_of(frames) == {frame.name: frame.name for frame in frames} and len(frames) == 3
+    stated = [dataclasses.replace(frame, scene="") for frame in frames]  # as of a reader that makes its frames itself
+    assert scenes_of(stated) == scenes_of(frames)
 
 
 def test_a_stereo_pair_is_one_scene():
-    names = [Path(photograph.file).stem for photograph in PHOTOGRAPHS]
-    assert scene_of("photos", "motorcycle_left") == scene_of("photos", "motorcycle_right") == "motorcycle"
-    assert len({scene_of("photos", name) for name in names}) == len(names) - 1
-    assert scene_of("folder", "street_left") == "street_left"
+    scenes = scenes_of(open_dataset("photos", "photos").frames())
+    assert scenes["motorcycle_left"] == scenes["motorcycle_right"] == "motorcycle"
+    assert len(set(scenes.values())) == len(scenes) - 1 == len(PHOTOGRAPHS) - 1
 
 
-def test_seconds_of_one_drive_are_one_scene():
+def test_seconds_of_one_drive_are_one_scene(tmp_path):
     """Names of Udacity are nanoseconds; four frames within 1.5 s, one 209 s earlier."""
     names = [f"{time_ns}" for time_ns in (1478019984182279255, 1478020193690486111, 1478020194190078499)]
     names += ["1478020194690266730", "1478020195196250051"]
-    first, *others = (scene_of("udacity", name) for name in names)
+    drive = Udacity("udacity", make_udacity(tmp_path, frames=2))
+    first, *others = (drive.scene_of(name) for name in names)
     assert len(set(others)) == 1 and first not in others
-    assert scene_of("udacity", "street_1") == "street_1" and scene_of("kitti", names[0]) == names[0]
+    assert drive.scene_of("street_1") == "street_1"
+    assert set(scenes_of(drive.frames()).values()) == set(others)
+
+
+def bursts(root: Path) -> Path:
+    """A folder of two bursts of two frames each, and another frame."""
+    made = make_folder(root, frames=5)
+    for old, new in enumerate(("yard_1", "yard_2", "gate_north_1", "gate_north_7", "last")):
+        shutil.move(made / f"images/frame-{old}.png", made / f"images/{new}.png")
+        shutil.move(made / f"labels/frame-{old}.txt", made / f"labels/{new}.txt")
+    return made
+
+
+@pytest.mark.parametrize(
+    ("scene", "scenes"),
+    [
+        ("(.+)_|.+", ["gate_north", "gate_north", "last", "yard", "yard"]),
+        ("[^_]+", ["gate", "gate", "last", "yard", "yard"]),
+        (".", ["g", "g", "l", "y", "y"]),
+        (None, ["gate_north_1", "gate_north_7", "last", "yard_1", "yard_2"]),
+    ],
+)
+def test_names_of_a_folder_tell_scenes_by_an_expression(scene, scenes, tmp_path):
+    frames = open_dataset("folder", "mine", bursts(tmp_path), scene=scene).frames()
+    assert list(scenes_of(frames).values()) == scenes
+
+
+def test_an_expression_for_scenes_that_is_none_or_matches_no_name_is_refused(tmp_path):
+    root = bursts(tmp_path)
+    for wrong in ("(.+_", 5):
+        with pytest.raises(InputError, match=r"datasets\.mine\.options\.scene=.*expected a regular expression"):
+            open_dataset("folder", "mine", root, scene=wrong)
+    for scene in (".+_", "x*"):
+        with pytest.raises(InputError, match=r"mine\.options\.scene=.*matches nothing .*'(last|gate_north_1)'"):
+            open_dataset("folder", "mine", root, scene=scene).frames()
+    (root / "labels/classes.txt").write_text("car\n")  # set aside, and asked for no scene
+    frames = open_dataset("folder", "mine", root, scene="[a-z]+_|last").frames()
+    assert [frame.name for frame in frames if frame.defect] == ["classes"]
+
+
+def test_a_third_partys_reader_states_its_scenes(tmp_path):
+    class Drives(Folder):
+        def scene_of(self, frame: str) -> str:
+            return frame.partition("_")[0]
+
+    assert set(scenes_of(Drives("mine", bursts(tmp_path)).frames()).values()) == {"gate", "last", "yard"}

@@ -13,9 +13,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
-from data_makers import make_folder, make_kitti, make_udacity
+from data_makers import make_folder, make_kitti, make_udacity, write
 from plug_in_makers import SPOTS, Darkening, plug_in
 from yolox_makers import LABELS, tiny_yolox
 
@@ -35,6 +36,7 @@ from pipeline.errors import InputError
 from pipeline.experiments import detect as sweep
 from pipeline.experiments.class_maps import class_map
 from pipeline.experiments.condition import sharp_kernel
+from pipeline.experiments.tables import CONDITIONS
 from pipeline.stages import curves, detect, detector, direction, index, measured, regression
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -280,6 +282,51 @@ def test_frames_without_objects_and_without_detections_are_counted(data: Path, t
     assert "no object" in refused["person"]
     fits = store.read_json(tmp_path / "out/data/regression/udacity-tiny/fits.json")
     assert "expected at least as many" in fits["person"]["reason"]
+
+
+def _interval(folder: Path, copies: int, **options: object) -> tuple[float, float, float, int]:
+    """AP, its interval and the scenes of five places, each a burst of equal frames, of which three are detected in."""
+    root = folder / "folder"
+    for place in range(5):
+        for shot in range(copies):
+            write(root / f"images/place{place}_{shot}.png", np.full((200, 200), 40 * place, np.uint8))
+            (root / "labels").mkdir(exist_ok=True)
+            (root / f"labels/place{place}_{shot}.txt").write_text("car 20 20 90 90\n")
+    (folder / "tiny.onnx").write_bytes(b"not opened")
+    config = configured(folder, name="folder")
+    config.datasets["folder"].options.update(options)
+    config.detection.sweep.sizes_px[:], config.detection.sweep.target_sigmas_dn[:] = [0], [0.0]
+    index.run.run(config, {"dataset": "folder"}, folder, folder)
+    store.write_json(folder / "data/detector/tiny/detector.json", {"sha256": ""})
+    run(config, folder, "folder")
+    detections, looked, objects = (
+        store.read_table(folder / f"data/detect/folder-tiny/{name}.parquet", schema)
+        for name, schema in (("detections", sweep.DETECTIONS), ("looked", sweep.LOOKED), ("objects", sweep.OBJECTS))
+    )
+    none = CONDITIONS.conform(pd.DataFrame(columns=list(CONDITIONS.columns)))
+    criteria = config.detection.evaluation
+    table, _ = precision.average_precision(detections, looked, objects, none, ["car"], criteria, config.seed)
+    (row,) = table.to_dict("records")
+    return row["ap_percent"], row["low_percent"], row["high_percent"], row["scenes"]
+
+
+def test_the_interval_of_an_ap_is_over_scenes_that_names_of_ones_own_frames_tell(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Six equal shots of a place are worth as much as one of them, and not six."""
+
+    def look(self: sweep.Sweep, frame: Frame, kernel: object) -> dict[str, Any]:
+        seen = frame.name[:6] in ("place0", "place1", "place3")
+        boxes, score, label = ([[20.0, 20, 90, 90]], [0.9], ["car"]) if seen else (np.zeros((0, 4)), [], [])
+        return {"level": np.zeros(len(score)), "boxes": np.asarray(boxes), "score": np.asarray(score),
+                "label": np.asarray(label, np.str_)}  # fmt: skip
+
+    monkeypatch.setattr(sweep.Sweep, "detect", look)
+    single = _interval(tmp_path / "single", 1)
+    bursts = _interval(tmp_path / "bursts", 6, scene="(.+)_")
+    apart = _interval(tmp_path / "apart", 6)
+    assert bursts == pytest.approx(single) and bursts[3] == 5 and apart[3] == 30
+    assert apart[0] == pytest.approx(single[0]) and apart[2] - apart[1] < 0.6 * (bursts[2] - bursts[1])
 
 
 def test_a_dataset_without_any_object_is_refused_by_name(data: Path, tmp_path: Path) -> None:
