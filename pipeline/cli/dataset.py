@@ -55,6 +55,10 @@ def command(kind: str, root: Path | None, max_rejected_fraction: float) -> None:
         if below:
             example = printable(below[0].parent.relative_to(dataset.root))
             click.echo(f"  {len(below):6d}  pictures in sub-folders such as {example} are no frames: move them up")
+    beside = pictures_beside(dataset.root, dataset.searched) if kind == "folder" else []
+    if beside:
+        first, images = (printable(path.relative_to(dataset.root)) for path in (beside[0], dataset.searched))
+        click.echo(f"  {len(beside):6d}  pictures beside the folder {images} such as {first} are no frames")
     for row in checked.quarantined:
         click.echo(f"  set aside  {row.file}: {row.reason}")
     scan(dataset, max_rejected_fraction)
@@ -81,6 +85,13 @@ def files_below(folder: Path, suffixes: Set[str]) -> list[Path]:
     """
     files = (path for path in folder.rglob("[!.]*") if path.suffix.lower() in suffixes and path.is_file())
     return sorted(path for path in files if not any(part[0] == "." for part in path.relative_to(folder).parts))
+
+
+def pictures_beside(root: Path, searched: Path) -> list[Path]:
+    """Pictures of a dataset's folder that are not in the sub-folder that its frames are read from; none without one."""
+    from pipeline.datasets.pictures import SUFFIXES
+
+    return [path for path in files_below(root, SUFFIXES) if not path.is_relative_to(searched)]
 
 
 def class_table(boxes: Iterable[Box]) -> Iterator[str]:

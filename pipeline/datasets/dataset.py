@@ -10,6 +10,7 @@ from typing import ClassVar
 
 from pipeline.datasets.frame import Box, Frame
 from pipeline.datasets.labels import BadLabels, refuse_reversed, tidy
+from pipeline.datasets.passed_over import what_lies_there
 from pipeline.datasets.pictures import SUFFIXES, picture_size
 from pipeline.datasets.whitelist import read_whitelist, select
 from pipeline.errors import InputError
@@ -63,6 +64,11 @@ class Dataset(ABC):
                 f"Then name the folder by the setting datasets.{name}.root"
             )
 
+    @property
+    def searched(self) -> Path:
+        """The folder that the pictures lie in, for messages."""
+        return self.root
+
     @abstractmethod
     def _read(self) -> Iterable[Frame]:
         """Every frame, in any order."""
@@ -77,7 +83,8 @@ class Dataset(ABC):
         """
         frames = sorted(self._read(), key=lambda frame: frame.name)
         if not frames:
-            raise InputError(f"dataset '{self.name}': no pictures in {self.root}; {self.source}")
+            there = what_lies_there(self.root, self.searched)
+            raise InputError(f"dataset '{self.name}': no pictures in {self.searched}{there}. {self.source}")
         twice = [name for name, count in Counter(frame.name for frame in frames).items() if count > 1]
         if twice:
             raise InputError(f"dataset '{self.name}': two pictures are called '{twice[0]}' in {self.root}; rename one")

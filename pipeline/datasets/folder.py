@@ -68,6 +68,11 @@ class Folder(Dataset):
         self.images = below if below.is_dir() else self.root
         self.labelled = (self.root / "labels").is_dir()
 
+    @property
+    def searched(self) -> Path:
+        """The folder that the pictures lie in."""
+        return self.images
+
     def _read(self) -> Iterable[Frame]:
         pictures = pictures_in(self.images)
         for path in pictures:

@@ -48,6 +48,11 @@ class Kitti(Dataset):
         {"Car", "Van", "Truck", "Pedestrian", "Person_sitting", "Cyclist", "Tram", "Misc", "DontCare"}
     )
 
+    @property
+    def searched(self) -> Path:
+        """The folder that the pictures lie in."""
+        return self.root / "training" / "image_2"
+
     def _read(self) -> Iterable[Frame]:
         images, labels = self._part("training", "image_2"), self._part("training", "label_2")
         pictures, before = pictures_in(images), self._preceding(self.root / "training" / "prev_2")

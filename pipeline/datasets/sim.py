@@ -71,6 +71,11 @@ class Sim(Dataset):
         self.split, self.moments = split, moments
         self.min_height_px, self.min_visible_fraction = min_height_px, min_visible_fraction
 
+    @property
+    def searched(self) -> Path:
+        """The folder that the pictures lie in."""
+        return self.root / self.split
+
     def _read(self) -> Iterable[Frame]:
         viewpoints: dict[str, list[Path]] = {}
         for path in pictures_in(self.root / self.split):

@@ -85,6 +85,11 @@ class Udacity(Dataset):
         if not self.images.is_dir():
             raise DataAbsent(f"dataset '{name}': no folder {self.images}; see the setting datasets.{name}.images")
 
+    @property
+    def searched(self) -> Path:
+        """The folder that the pictures lie in."""
+        return self.images
+
     def _read(self) -> Iterable[Frame]:
         reader = read_autti_labels if self.layout == "autti" else read_crowdai_labels
         boxes, defects = reader(self.folder / "labels.csv")

@@ -274,7 +274,35 @@ def test_dataset_counts_the_pictures_of_sub_folders_that_it_passes_over(tmp_path
     done = call("dataset", "folder", tmp_path / "folder")
     assert done.exit_code == 0, done.output
     lines = [line.split() for line in done.output.splitlines() if "are no frames" in line]
-    assert [(line[0], line[6]) for line in lines] == [("2", "images/day")]
+    assert [(line[0], line[6]) for line in lines] == [("2", "images/day"), ("1", "such")]
+    assert "1  pictures beside the folder images such as f/g.png are no frames" in done.output
+
+
+@pytest.mark.parametrize(
+    ("moved", "searched", "there"),
+    [
+        ("images/train", "images", "which holds no file; pictures lie in {}/images/train (2), where none is read"),
+        ("Images", ".", "which holds no file; pictures lie in {}/Images (2), where none is read: move"),
+        ("images/.thumbnails", "images", "which holds no file. Any folder of"),
+    ],
+)
+def test_dataset_without_a_picture_says_where_it_looked_and_what_is_there(moved, searched, there, tmp_path):
+    root = make_folder(tmp_path / "folder", frames=2)
+    (root / "images").rename(root / "old")
+    (root / moved).parent.mkdir(exist_ok=True)
+    (root / "old").rename(root / moved)
+    done = call("dataset", "folder", root)
+    assert done.exit_code == 2 and len(done.stderr.splitlines()) == 1
+    assert f"no pictures in {root / searched}, {there.format(root)}" in done.stderr
+
+
+def test_dataset_of_formats_that_it_does_not_read_names_them(tmp_path):
+    root = make_folder(tmp_path / "folder", frames=2)
+    for path in (root / "images").iterdir():
+        path.rename(path.with_suffix(".AVIF"))
+    (root / "images/list.csv").write_text("x")
+    done = call("dataset", "folder", root)
+    assert f"no pictures in {root / 'images'}, which holds 2 .avif files, 1 .csv file. Any folder of PNG" in done.stderr
 
 
 @pytest.mark.parametrize(("kind", "make"), [("kitti", make_kitti), ("sim", make_sim), ("udacity", make_udacity)])
