@@ -11,10 +11,11 @@ import click
 
 from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.numbers import FiniteRange
-from pipeline.errors import printable
+from pipeline.errors import InputError, printable
 
 if TYPE_CHECKING:
     from pipeline.datasets.frame import Box
+    from pipeline.detection.classes import ClassMap
 
 FLAT_KINDS = frozenset({"sim", "kitti", "udacity", "folder"})
 """Kinds of datasets whose pictures lie directly in one folder; others may use its sub-folders."""
@@ -30,20 +31,26 @@ FLAT_KINDS = frozenset({"sim", "kitti", "udacity", "folder"})
 def command(kind: str, root: Path | None, max_rejected_fraction: float) -> None:
     """Check the dataset at ROOT, of KIND sim, photos, kitti, udacity or folder.
 
-    Prints how many frames and objects are usable, the objects of each class with the range of their sizes, what was
-    mended, how many pictures are no frames, and each file that would be set aside and why.
+    Prints how many frames and objects are usable, the objects of each class with the range of their sizes and what they
+    are to detectors (objects, ignored or left out), what was mended, how many pictures are no frames, and each file that
+    would be set aside and why.
     """
     from pipeline.datasets import open_dataset
     from pipeline.datasets.pictures import SUFFIXES
     from pipeline.datasets.quarantine import scan
+    from pipeline.experiments.class_maps import mistaken_words
 
     dataset = open_dataset(kind, kind, root)
     checked = scan(dataset, 1.0)
     boxes = [box for frame in checked.usable for box in frame.boxes]
     objects = sum(not box.ignore for box in boxes)
     click.echo(f"{len(checked.usable)} usable frames, {objects} objects, {len(checked.quarantined)} set aside")
-    for line in class_table(boxes):
+    words = words_of(kind)
+    for line in class_table(boxes, words):
         click.echo(f"  {line}")
+    counts = Counter(box.label for box in boxes)
+    for word, right in mistaken_words(counts, kind).items() if words else ():
+        click.echo(f"  {counts[word]:6d}  boxes of '{word}' are no '{right}' to detectors: write the word exactly so")
     for note, count in sorted(checked.notes.items()):
         click.echo(f"  {count:6d}  {note}")
     for suffix, count in sorted(other_formats(dataset.root).items()):
@@ -94,16 +101,29 @@ def pictures_beside(root: Path, searched: Path) -> list[Path]:
     return [path for path in files_below(root, SUFFIXES) if not path.is_relative_to(searched)]
 
 
-def class_table(boxes: Iterable[Box]) -> Iterator[str]:
+def words_of(kind: str) -> ClassMap | None:
+    """What the words of a dataset's labels mean to detectors; None where its kind defines nothing."""
+    from pipeline.experiments.class_maps import class_map
+
+    try:
+        return class_map(kind)
+    except InputError:
+        return None
+
+
+def class_table(boxes: Iterable[Box], words: ClassMap | None = None) -> Iterator[str]:
     """A text table of the classes: objects, ignored ones, and minimum, median and maximum of width and height.
 
     Args:
         boxes: of any number of frames.
+        words: what the classes are to detectors, for a last column; without it there is none.
 
     Returns:
         its lines, none where there is no box; most frequent class first.
     """
     from statistics import median
+
+    from pipeline.experiments.class_maps import role_of
 
     by_class: dict[str, list[Box]] = {}
     for box in boxes:
@@ -112,10 +132,11 @@ def class_table(boxes: Iterable[Box]) -> Iterator[str]:
         return
     width = max(len("class"), *map(len, by_class))
     yield f"{'class':{width}} {'objects':>8} {'ignored':>8}  {'width px: min':>14} {'med':>6} {'max':>6}" + (
-        f"  {'height px: min':>14} {'med':>6} {'max':>6}"
+        f"  {'height px: min':>14} {'med':>6} {'max':>6}{'  to detectors' if words else ''}"
     )
     for label, members in sorted(by_class.items(), key=lambda item: (-len(item[1]), item[0])):
         ignored = sum(box.ignore for box in members)
         sides = ([box.width_px for box in members], [box.height_px for box in members])
         ranges = "".join(f"  {min(side):14.1f} {median(side):6.1f} {max(side):6.1f}" for side in sides)
-        yield f"{label:{width}} {len(members) - ignored:8d} {ignored:8d}{ranges}"
+        role = f"  {role_of(label, members, words)}" if words else ""
+        yield f"{label:{width}} {len(members) - ignored:8d} {ignored:8d}{ranges}{role}"

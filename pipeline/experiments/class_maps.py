@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 
 from pipeline.datasets import REGISTRY
+from pipeline.datasets.frame import Box, Frame
 from pipeline.detection.classes import CLASS_MAPS, ClassMap
 from pipeline.errors import InputError, did_you_mean
 
@@ -30,3 +32,70 @@ def class_map(kind: str) -> ClassMap:
             " pipeline/detection/classes.py); a class of your own defines it by its attribute detector_classes"
         )
     return ClassMap(classes, dict(getattr(registered, "detector_neighbours", {})))
+
+
+def role_of(word: str, boxes: Iterable[Box], words: ClassMap) -> str:
+    """What the boxes of a word are to detectors, for people.
+
+    Args:
+        word: of the labels.
+        boxes: those of it.
+        words: what labels mean to detectors.
+
+    Returns:
+        ``"object: car"``, ``"ignored for car"`` (a neighbour), ``"ignored"`` (for every class, marked so by the
+        dataset) or ``"left out"``.
+    """
+    if word in words.wanted:
+        return f"object: {words.wanted[word]}"
+    if word in words.neighbours:
+        return f"ignored for {', '.join(words.neighbours[word])}"
+    return "ignored" if all(box.ignore for box in boxes) else "left out"
+
+
+def mistaken_words(labels: Iterable[str], kind: str) -> dict[str, str]:
+    """Words of labels that differ from a known one in case or in an s at the end only, and so mean nothing.
+
+    Args:
+        labels: words of the boxes of a dataset.
+        kind: the dataset's layout.
+
+    Returns:
+        the word as written -> the known one; none that the layout defines itself.
+
+    Raises:
+        InputError: as `class_map`.
+    """
+    words = class_map(kind)
+    known = {*words.wanted, *words.neighbours}
+    defined = known | set(getattr(REGISTRY.get(kind), "classes", None) or ())
+    alike = {_bare(word): word for word in sorted(known)}
+    return {word: alike[_bare(word)] for word in labels if word not in defined and _bare(word) in alike}
+
+
+def _bare(word: str) -> str:
+    """A word without case and plural."""
+    return word.casefold().removesuffix("s")
+
+
+def refuse_mistaken_words(frames: Sequence[Frame], name: str, kind: str) -> None:
+    """Refuse labels whose objects would not count because of their case or plural; see `mistaken_words`.
+
+    Args:
+        frames: of the dataset.
+        name: of the dataset.
+        kind: its layout.
+
+    Raises:
+        InputError: there are such labels; names words, their number and the first frame.
+    """
+    counts = Counter(box.label for frame in frames for box in frame.boxes)
+    mistaken = mistaken_words(counts, kind)
+    if mistaken:
+        pairs = sorted(mistaken.items())
+        listed = ", ".join(f"'{word}' for '{right}' (boxes: {counts[word]})" for word, right in pairs)
+        first = next(frame.name for frame in frames if any(box.label in mistaken for box in frame.boxes))
+        raise InputError(
+            f"dataset '{name}': its labels say {listed}, first in frame '{first}'; detectors' classes do not"
+            " know these words and their boxes would count for nothing: write them exactly so in the label files"
+        )

@@ -6,6 +6,7 @@ patches on objects, the median noise and the median MTF (mean of horizontal and 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
     from pipeline.detection.settings import EvaluationSettings
     from pipeline.experiments.settings import MeasureSettings
 
+MOST_WORDS = 8
+"""Words of labels that a message names."""
 FREQUENCY_INDEX = 1
 """Which of the paper's eight frequencies an MTF is taken at."""
 
@@ -111,7 +114,12 @@ def measure(
     )
     if measurements.empty:
         names = " and ".join(sorted({item.frame.dataset for item in frames})) or "without frames"
-        raise InputError(f"dataset '{names}': no frame has an object to measure noise and blur on; see its labels")
+        counts = Counter(box.label for item in frames for box in item.frame.boxes)
+        words = ", ".join(f"'{word}' ({count})" for word, count in counts.most_common(MOST_WORDS)) or "nothing"
+        raise InputError(
+            f"dataset '{names}': no frame has an object to measure noise and blur on; its labels say {words}; "
+            "'camera-monitor dataset' shows which words are objects, detection.evaluation which are large enough"
+        )
     return measured(measurements)
 
 

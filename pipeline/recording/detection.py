@@ -16,7 +16,7 @@ from pipeline.curves import directions, precision
 from pipeline.datasets.selection import evaluation_frames, evenly_spread, scenes_of
 from pipeline.errors import InputError
 from pipeline.experiments import detect, iopc
-from pipeline.experiments.class_maps import class_map
+from pipeline.experiments.class_maps import class_map, refuse_mistaken_words
 from pipeline.experiments.condition import sweep_kernels
 from pipeline.experiments.summarise import condition_medians
 from pipeline.recording.kept_results import Map, keyed
@@ -132,6 +132,7 @@ def _measure(
     """Average precisions, their draws, and the estimated conditions."""
     settings, section = config.detection, config.detection.detectors[detector]
     words = class_map(config.datasets[dataset].kind)
+    refuse_mistaken_words(frames, dataset, config.datasets[dataset].kind)
     camera, levels = config.camera, tuple(settings.sweep.target_sigmas_dn)
     shape = settings.sweep
     blurs = sweep_kernels(shape.blur, shape.sizes_px, shape.angles_deg, shape.match, config.seed)

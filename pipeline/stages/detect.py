@@ -27,7 +27,7 @@ def run(run: Run) -> None:
     from pipeline.datasets.selection import evaluation_frames, scenes_of
     from pipeline.detection import checkpoint
     from pipeline.experiments import detect
-    from pipeline.experiments.class_maps import class_map
+    from pipeline.experiments.class_maps import class_map, refuse_mistaken_words
     from pipeline.experiments.condition import sweep_kernels
 
     dataset, name, params = run.job["dataset"], run.job["detector"], run.params
@@ -35,6 +35,7 @@ def run(run: Run) -> None:
     words = class_map(source.kind)
     options = settings.options.get(dataset, {})
     frames = evaluation_frames(run.inputs / "data/index" / dataset, dataset, source, options, settings.frames)
+    refuse_mistaken_words(frames, dataset, source.kind)
     blurs = sweep_kernels(settings.blur, settings.sizes_px, settings.angles_deg, settings.match, params.seed)
     sweep = detect.Sweep(
         kind=section.kind,

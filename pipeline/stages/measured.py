@@ -27,7 +27,7 @@ def run(run: Run) -> None:
     from pipeline import store
     from pipeline.datasets.selection import evaluation_frames, scenes_of
     from pipeline.experiments import iopc, tables
-    from pipeline.experiments.class_maps import class_map
+    from pipeline.experiments.class_maps import class_map, refuse_mistaken_words
     from pipeline.experiments.condition import sweep_kernels
     from pipeline.experiments.summarise import condition_medians
 
@@ -35,6 +35,7 @@ def run(run: Run) -> None:
     source, settings, criteria = params.datasets[name], params.detection.sweep, params.detection.evaluation
     options = settings.options.get(name, {})
     frames = evaluation_frames(run.inputs / "data/index" / name, name, source, options, settings.frames)
+    refuse_mistaken_words(frames, name, source.kind)
     estimates = iopc.measure(
         iopc.on_objects(frames, class_map(source.kind), params.detection.measure, criteria),
         sweep_kernels(settings.blur, settings.sizes_px, settings.angles_deg, settings.match, params.seed),

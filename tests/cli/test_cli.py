@@ -240,12 +240,29 @@ def test_dataset_says_what_it_found(tmp_path):
     assert "3 usable frames" in done.output
     table = [line.split() for line in done.output.splitlines()[1:5]]
     assert table[0][:3] == ["class", "objects", "ignored"]
-    assert table[1] == ["Car", "3", "3", "40.0", "75.0", "110.0", "20.0", "45.0", "70.0"]
+    assert table[1] == ["Car", "3", "3", "40.0", "75.0", "110.0", "20.0", "45.0", "70.0", "object:", "car"]
+    assert table[0][-2:] == ["to", "detectors"] and table[2][-1] == "ignored"
     make_folder(tmp_path / "folder", frames=4)
     next((tmp_path / "folder").rglob("*.png")).write_bytes(b"")
     done = call("dataset", "folder", tmp_path / "folder")
     assert done.exit_code == 2
     assert "set aside" in done.output
+
+
+def test_dataset_says_what_each_word_is_to_detectors(tmp_path):
+    root = make_folder(tmp_path / "folder", frames=2)
+    (root / "labels/frame-0.txt").write_text("Car 10 10 90 90\ncar 20 20 60 90\npersons 30 20 60 90\nbus 1 1 9 9\n")
+    done = call("dataset", "folder", root)
+    assert done.exit_code == 0, done.output
+    roles = {line.split()[0]: line.split("  ")[-1] for line in done.output.splitlines()[2:7]}
+    assert roles == {"car": "object: car", "Car": "left out", "persons": "left out", "bus": "left out"} | {
+        "traffic": "ignored"
+    }
+    mistaken = [line.strip() for line in done.output.splitlines() if "to detectors: write" in line]
+    assert [line.partition(" to detectors")[0] for line in mistaken] == [
+        "1  boxes of 'Car' are no 'car'",
+        "1  boxes of 'persons' are no 'person'",
+    ]
 
 
 def test_dataset_counts_the_pictures_of_other_formats_that_it_passes_over(tmp_path):

@@ -81,8 +81,12 @@ def test_workers_change_nothing(frames, table):
 def test_frames_without_objects_give_no_row_and_none_at_all_are_refused(frames, table):
     empty = dataclasses.replace(frames[0], boxes=())
     assert set(look([empty, frames[1]])["frame"]) == {frames[1].name}
-    with pytest.raises(InputError, match="no frame has an object"):
+    with pytest.raises(InputError, match="no frame has an object .*its labels say nothing"):
         look([empty])
+    others = [dataclasses.replace(frames[0].boxes[0], label=word) for word in ("bus", "tree")]
+    buses = dataclasses.replace(frames[0], boxes=tuple(others * 2))
+    with pytest.raises(InputError, match=r"no frame has an object .*its labels say 'bus' \(2\), 'tree' \(2\)"):
+        look([buses])
 
 
 def test_an_abstention_is_counted_and_no_number(table):
