@@ -2,11 +2,11 @@
 
 Photon transfer: the variance of a linear sensor's grey values grows with their mean,
 
-    sigma^2 = c + K mu,    c = K^2 sigma_d^2 + 1/12,
+    sigma^2 = c + K mu,    c = K^2 sigma_d^2 + q^2 / 12,
 
 with mu the mean above the black level, K the system gain in DN per electron, sigma_d the dark noise in electrons and
-1/12 DN^2 of quantisation. Two frames a and b of one scene, b of r times the exposure, differ by noise alone once a is
-scaled,
+q^2 / 12 of quantisation in steps of q DN: 1, or 16 where 12 bits lie in the high bits of 16 (`grey_step_dn`). Two
+frames a and b of one scene, b of r times the exposure, differ by noise alone once a is scaled,
 
     var(b - r a) / (1 + r^2) = c + K mu_b (1 + r) / (1 + r^2),
 
@@ -21,7 +21,7 @@ second. A camera whose black level is at 0 cuts off half of its dark noise: mean
 then limits, not measurements, which `DarkCurrent.zero_fraction` shows.
 
 The intercept c is extrapolated from lit blocks, whose own noise spreads them over several grey values. Where it is
-below 1/12 DN^2 there is no dark noise to state.
+below q^2 / 12 there is no dark noise to state.
 
 Fixed pattern: what pixels differ by in every frame, in proportion to their light, is not among this noise, though a
 single frame shows it like noise. Two frames of one scene share it,
@@ -40,7 +40,7 @@ Source: EMVA Standard 1288, release 4.0, sections on photon transfer and dark cu
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -49,9 +49,8 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 
 PLANES = ("00", "01", "10", "11")
-QUANTISATION_DN2 = 1 / 12
 BLOCK_PX = 16
-LOWEST_DN = 4.0  # above black; below this the black level cuts off part of the noise
+LOWEST_STEPS = 4.0  # of grey above black; below this the black level cuts off part of the noise
 CLIPPED_FRACTION = 0.98  # of white: pixels from here on count as clipped
 LINEAR_FRACTION = 0.7  # of saturation, up to which the standard fits the line
 MEAN_BINS = 24
@@ -88,6 +87,7 @@ class PhotonTransfer:
         covariance: of K and c, DN^3 per electron; both errors are of one line, so that it is negative.
         pattern_fraction: standard deviation s of the fixed pattern as a fraction of the grey value above black; NaN
             where it was not measured.
+        step_dn: q, between neighbouring grey values, DN (`grey_step_dn`).
     """
 
     gain_dn_per_e: float
@@ -98,11 +98,12 @@ class PhotonTransfer:
     dark_variance_error: float = 0.0
     covariance: float = 0.0
     pattern_fraction: float = math.nan
+    step_dn: float = 1.0
 
     @property
     def dark_sigma_e(self) -> float:
         """Dark noise in electrons, quantisation removed; NaN where that leaves nothing (`dark_sigma_reason`)."""
-        excess_dn2 = self.dark_variance_dn2 - QUANTISATION_DN2
+        excess_dn2 = self.dark_variance_dn2 - quantisation_dn2(self.step_dn)
         return float(np.sqrt(excess_dn2) / self.gain_dn_per_e) if excess_dn2 >= 0 else math.nan
 
     @property
@@ -118,11 +119,12 @@ class PhotonTransfer:
     @property
     def dark_sigma_reason(self) -> str:
         """Why there is no dark noise, or ""."""
-        if self.dark_variance_dn2 >= QUANTISATION_DN2:
+        quantisation = quantisation_dn2(self.step_dn)
+        if self.dark_variance_dn2 >= quantisation:
             return ""
         return (
             f"the variance at no light, {self.dark_variance_dn2:.3f} DN^2, is below that of quantisation, "
-            f"{QUANTISATION_DN2:.3f} DN^2"
+            f"{quantisation:.3f} DN^2"
         )
 
     def snr(self, grey_dn: float) -> float:
@@ -161,6 +163,33 @@ class DarkCurrent:
         return self.offset_dn if self.zero_fraction < 0.5 else 0.0
 
 
+def grey_step_dn(frames: Iterable[NDArray[np.generic]]) -> float:
+    """The step q of a camera's grey values, DN: the greatest common divisor of their differences.
+
+    A camera that writes other values into defective pixels, as by interpolation, hides a step above 1.
+
+    Args:
+        frames: (H, W) grey values of one camera in one mode, dark and lit; few differ by multiples of more by chance.
+
+    Returns:
+        1 for whole values without gaps, 2^(16 - n) for n bits in the high bits of 16; 1 too for frames of a single
+        grey value and for values that are not whole.
+    """
+    values = np.unique(np.concatenate([np.unique(frame) for frame in frames]))
+    if not (values == np.rint(values)).all():
+        return 1.0
+    return float(np.gcd.reduce(np.diff(values.astype(np.int64))) or 1)
+
+
+def quantisation_dn2(step_dn: float) -> float:
+    """Variance of rounding to steps, q^2 / 12, DN^2.
+
+    Args:
+        step_dn: q, DN.
+    """
+    return step_dn**2 / 12
+
+
 def plane(frame: NDArray[np.generic], name: str) -> NDArray[np.float64]:
     """One colour plane of a raw mosaic.
 
@@ -183,7 +212,11 @@ def plane(frame: NDArray[np.generic], name: str) -> NDArray[np.float64]:
 
 
 def points_of_pair(
-    first: NDArray[np.generic], second: NDArray[np.generic], white_dn: float, black_dn: float = 0.0
+    first: NDArray[np.generic],
+    second: NDArray[np.generic],
+    white_dn: float,
+    black_dn: float = 0.0,
+    step_dn: float = 1.0,
 ) -> TransferPoints:
     """Points from two frames of one scene, block by block.
 
@@ -195,6 +228,7 @@ def points_of_pair(
         second: the same at the same or a longer exposure; the ratio is estimated in each block.
         white_dn: raw grey value of saturation, DN.
         black_dn: raw grey value without light, DN; subtracted from both frames.
+        step_dn: between neighbouring grey values, DN (`grey_step_dn`).
 
     Raises:
         InputError: frames of unequal shape, or white that is not above black.
@@ -207,7 +241,7 @@ def points_of_pair(
     unclipped = np.maximum(a, b).max(axis=(1, 2)) < CLIPPED_FRACTION * white_dn
     a, b = a - black_dn, b - black_dn
     linear = b.mean(axis=(1, 2)) <= LINEAR_FRACTION * (white_dn - black_dn)
-    keep = (a.mean(axis=(1, 2)) >= LOWEST_DN) & unclipped & linear
+    keep = (a.mean(axis=(1, 2)) >= LOWEST_STEPS * step_dn) & unclipped & linear
     a, b = a[keep], b[keep]
     mean_of_first, mean = a.mean(axis=(1, 2)), b.mean(axis=(1, 2))
     ratio = mean / mean_of_first
@@ -237,12 +271,13 @@ def binned(points: Sequence[TransferPoints]) -> TransferPoints:
     )
 
 
-def photon_transfer(points: Sequence[TransferPoints], black_dn: float = 0.0) -> PhotonTransfer:
+def photon_transfer(points: Sequence[TransferPoints], black_dn: float = 0.0, step_dn: float = 1.0) -> PhotonTransfer:
     """The straight line through points: weighted least squares over bins of equal count (`binned`).
 
     Args:
         points: of any number of frames of one colour plane.
         black_dn: that was subtracted from them, kept with the result.
+        step_dn: between neighbouring grey values of the frames, DN (`grey_step_dn`).
 
     Returns:
         the fit; weights are the inverse of the squared variance, to which the error of a variance is proportional. The
@@ -252,7 +287,7 @@ def photon_transfer(points: Sequence[TransferPoints], black_dn: float = 0.0) -> 
         InputError: fewer than 24 points, or a variance that does not grow with the mean.
     """
     bins = binned(points)
-    weight = 1 / np.maximum(bins.variance_dn2, QUANTISATION_DN2)
+    weight = 1 / np.maximum(bins.variance_dn2, quantisation_dn2(step_dn))
     (slope, offset), covariance = np.polyfit(bins.mean_dn, bins.variance_dn2, 1, w=weight, cov=True)
     if not slope > 0:
         raise InputError("photon transfer: the variance does not grow with the mean; expected linear raw frames")
@@ -267,6 +302,7 @@ def photon_transfer(points: Sequence[TransferPoints], black_dn: float = 0.0) -> 
         dark_variance_error=float(offset_error),
         covariance=float(covariance[0, 1]),
         pattern_fraction=float(np.sqrt(max(np.median(pattern), 0.0))) if len(pattern) else math.nan,
+        step_dn=step_dn,
     )
 
 

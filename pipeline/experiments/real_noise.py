@@ -124,7 +124,7 @@ def _of_frame(
         grey = emva1288.plane(pixels, plane)
         every = tiles(grey.shape, real_noise.TILE_PX)
         beside = zip(every, real_noise.pieces(grey, every), strict=True)
-        squares = [square for square, piece in beside if _usable(piece, white_dn, fit.black_dn)]
+        squares = [square for square, piece in beside if _usable(piece, white_dn, fit)]
         if not squares:
             continue
         patches = np.stack(real_noise.pieces(grey, squares))
@@ -155,7 +155,8 @@ def _scale(white_dn: float) -> float:
     return max(white_dn, FULL_SCALE_DN) / FULL_SCALE_DN
 
 
-def _usable(patch: Any, white_dn: float, black_dn: float) -> bool:
+def _usable(patch: Any, white_dn: float, fit: emva1288.PhotonTransfer) -> bool:
     """Whether a patch is neither cut off at black nor clipped at white nor too bright."""
-    bright_enough = emva1288.LOWEST_DN <= patch.mean() - black_dn <= BRIGHTEST_DN * _scale(white_dn)
+    lowest_dn = emva1288.LOWEST_STEPS * fit.step_dn
+    bright_enough = lowest_dn <= patch.mean() - fit.black_dn <= BRIGHTEST_DN * _scale(white_dn)
     return bool(bright_enough and patch.max() < emva1288.CLIPPED_FRACTION * white_dn)

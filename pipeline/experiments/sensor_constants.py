@@ -56,6 +56,7 @@ def sensor_constants(light: Sequence[RawFrame], dark: Sequence[RawFrame], white_
     import pandas as pd
 
     pictures, exposures = [frame.pixels() for frame in dark], [frame.exposure_s for frame in dark]
+    step_dn = emva1288.grey_step_dn(frame.pixels() for frame in (*dark, *light))
     dark_planes = {name: [emva1288.plane(picture, name) for picture in pictures] for name in emva1288.PLANES}
     currents = {name: emva1288.dark_current(exposures, planes) for name, planes in dark_planes.items()}
     curves: dict[str, list[emva1288.TransferPoints]] = {name: [] for name in emva1288.PLANES}
@@ -63,8 +64,8 @@ def sensor_constants(light: Sequence[RawFrame], dark: Sequence[RawFrame], white_
         for first, second in pairwise([frame.pixels() for frame in group]):
             for name, curve in curves.items():
                 a, b = emva1288.plane(first, name), emva1288.plane(second, name)
-                curve.append(emva1288.points_of_pair(a, b, white_dn, currents[name].black_dn))
-    fits = {name: emva1288.photon_transfer(curve, currents[name].black_dn) for name, curve in curves.items()}
+                curve.append(emva1288.points_of_pair(a, b, white_dn, currents[name].black_dn, step_dn))
+    fits = {name: emva1288.photon_transfer(curve, currents[name].black_dn, step_dn) for name, curve in curves.items()}
     dark_rows = [_dark_row(name, current, fits[name]) for name, current in currents.items()]
     means = [
         {"plane": name, "exposure_s": exposure_s, "mean_dn": float(plane.mean())}

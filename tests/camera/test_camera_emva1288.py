@@ -25,7 +25,7 @@ def frames(count, key, edge=False, exposure=1.0):
 def check(transfer):
     assert transfer.gain_dn_per_e == pytest.approx(GAIN, rel=0.04)
     assert transfer.gain_error < 0.03 * GAIN
-    expected = (GAIN * DARK_E) ** 2 + emva1288.QUANTISATION_DN2
+    expected = (GAIN * DARK_E) ** 2 + emva1288.quantisation_dn2(1)
     assert transfer.dark_variance_dn2 == pytest.approx(expected, abs=0.2)
     assert transfer.dark_sigma_e == pytest.approx(DARK_E, rel=0.1)
 
@@ -101,6 +101,42 @@ def test_a_variance_below_that_of_quantisation_gives_no_dark_noise_and_the_reaso
     assert transfer.dark_sigma_reason == (
         "the variance at no light, 0.050 DN^2, is below that of quantisation, 0.083 DN^2"
     )
+
+
+def converted(electrons, bits, step):
+    """Grey values of a converter of some bits, black at a sixteenth, in steps of ``step`` DN."""
+    top = 2**bits - 1
+    return (np.clip(np.rint(electrons * top / 10_000 + top // 16), 0, top) * step).astype(np.uint16)
+
+
+@pytest.mark.parametrize(("bits", "step"), [(12, 16), (10, 64), (12, 1), (8, 256)])
+def test_dark_noise_does_not_depend_on_the_bits_that_hold_the_grey_values(bits, step):
+    """12 bits in the high bits of 16 are measured as 12 bits are: quantisation is that of the converter's steps."""
+    drawn = stream(1, "emva step", bits)
+    level = np.repeat(np.exp(np.linspace(np.log(100), np.log(6000), 40)), 16)[None] * np.ones((320, 1))
+    shots = [drawn.poisson(level) + drawn.normal(0, 12, level.shape) for _ in range(4)]
+    fits = []
+    for q in (1, step):
+        frames = [converted(shot, bits, q) for shot in shots]
+        assert emva1288.grey_step_dn(frames) == q
+        white, black = q * (2**bits - 1), q * ((2**bits - 1) // 16)
+        points = [emva1288.points_of_pair(a, b, white, black, q) for a, b in (frames[:2], frames[2:])]
+        fits.append(emva1288.photon_transfer(points, black, q))
+    assert fits[1].dark_sigma_e == pytest.approx(fits[0].dark_sigma_e, rel=1e-9)
+    assert fits[1].points == fits[0].points
+    assert bits == 8 or fits[1].dark_sigma_e == pytest.approx(12, rel=0.15)
+
+
+def test_the_step_is_that_of_differences_whatever_the_black_level():
+    assert emva1288.grey_step_dn([np.array([[1029, 1045]]), np.array([[1093, 1029]])]) == 16
+    assert emva1288.grey_step_dn([np.array([[7, 7]])]) == 1  # a single value shows none
+    assert emva1288.grey_step_dn([np.array([[0.5, 0.25]])]) == 1
+
+
+def test_a_variance_below_that_of_coarse_steps_names_it():
+    transfer = emva1288.PhotonTransfer(1.6, 0.01, 15.0, 100, step_dn=16.0)
+    assert np.isnan(transfer.dark_sigma_e)
+    assert transfer.dark_sigma_reason.endswith("is below that of quantisation, 21.333 DN^2")
 
 
 def test_the_error_of_the_dark_noise_is_its_spread():
