@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.camera import chain, psf
+from pipeline.camera import chain, linear_light, psf
 from pipeline.camera.corruption import corrupt
 from pipeline.camera.linear_light import ADC_BITS
 from pipeline.camera.sensor import Sensor
@@ -123,6 +123,26 @@ def test_the_target_in_linear_light_is_noise_that_black_has_left(noise_source):
     assert (made.clean_dn + made.noise_dn).min() >= -1e-4
     assert made.unclipped_sigma_dn == pytest.approx(10.0, rel=2e-3)
     assert made.clipped_sigma_dn == pytest.approx(10.0, rel=0.02)  # the frame has it, but for rounding
+
+
+def test_the_target_in_linear_light_is_reached_where_every_nth_pixel_lies_in_few_columns():
+    """Of 1200 x 1000 px every 20th would be taken, all of them on the posts of a fence with a period of 20 px."""
+    fence = np.where(np.arange(1000) % 20 < 8, 0.05, 0.8).astype(np.float32)[None] * np.ones((1200, 1), np.float32)
+    made = corrupt(fence, "readout", sigma_dn=10.0, generator=stream(4, "fence"), light="linear")
+    assert made.unclipped_sigma_dn == pytest.approx(10.0, rel=0.02)
+
+
+def test_pictures_of_usual_sizes_keep_their_grid_in_linear_light():
+    """The factor on the noise, and with it every byte, is found on the pixels that it always was."""
+    for width, height in (
+        (1242, 375), (1920, 1200), (896, 768), (448, 384), (640, 480), (1280, 720), (1920, 1080), (192, 192), (64, 48),
+        (90, 60),
+    ):  # fmt: skip
+        assert linear_light._stride(width * height, width) == max(1, width * height // linear_light.GRID_PIXELS)
+    for width, height in ((4000, 3000), (3200, 2400), (6000, 4000), (3840, 2160), (80, 8000)):
+        step = linear_light._stride(width * height, width)
+        assert len(set((np.arange(0, width * height, step) % width).tolist())) >= min(100, width)
+        assert width * height / step == pytest.approx(linear_light.GRID_PIXELS, rel=0.35)
 
 
 def test_order_refuses_unknown_words_and_the_authors_program():
