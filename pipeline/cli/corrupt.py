@@ -45,7 +45,10 @@ SMOOTHED_NOTE = (
     "--angle-deg", default=0.0, show_default=True, type=FiniteRange(-360, 360),
     help="direction of motion blur, counter-clockwise",
 )  # fmt: skip
-@click.option("--camera", default="physical", show_default=True, help="physical, authors or authors_2022")
+@click.option(
+    "--camera", default="physical", show_default=True,
+    help="physical, or the paper's program with its quirks and discs: authors, or authors_2022 for that before 12/2022",
+)  # fmt: skip
 @click.option(
     "--seed", default=1, show_default=True, type=click.IntRange(0, 2**63 - 1),
     help="same seed, same picture name: same noise",
@@ -109,7 +112,7 @@ def command(
     _, effects = conditioned(noise_source)
     if camera not in CAMERAS:
         raise InputError(f"--camera {camera}: unknown; {did_you_mean(camera, CAMERAS)}")
-    psf = _kernel(blur, size_px, mtf50, angle_deg, seed)
+    psf = _kernel(blur, size_px, mtf50, angle_deg, seed, "physical" if camera == "physical" else "authors")
     idle = psf is not None and float(psf.max()) > 1 - HALF_LEVEL
     if idle and size_px is not None:
         click.echo(f"warning: --blur {blur} --size-px {size_px:g} blurs nothing: it changes no 8-bit value", err=True)
@@ -157,12 +160,12 @@ def _check_options(context: click.Context, preset: str | None) -> None:
 
 
 def _kernel(
-    blur: str | None, size_px: float | None, mtf50: float | None, angle_deg: float, seed: int
+    blur: str | None, size_px: float | None, mtf50: float | None, angle_deg: float, seed: int, program: str
 ) -> NDArray[np.floating] | None:
-    """The kernel asked for, or None.
+    """The kernel asked for, or None; of ``program`` see `pipeline.camera.psf.create`.
 
     Raises:
-        InputError: a size without a kind, or neither or both of size and MTF50.
+        InputError: a size without a kind, neither or both of size and MTF50, or a disc that the program cannot draw.
     """
     from pipeline.camera.corruption import psf_for_mtf50
     from pipeline.camera.psf import create, kinds
@@ -177,6 +180,11 @@ def _kernel(
         raise InputError(f"--blur {blur}: unknown; {did_you_mean(blur, kinds())}")
     if mtf50 is not None and blur == "nonlinear_motion":
         raise InputError("--blur nonlinear_motion --mtf50: its path is drawn at random, give --size-px instead")
+    if program == "authors" and blur == "defocus" and mtf50 is not None:
+        raise InputError(
+            "--blur defocus --mtf50: the discs of the authors' program have odd whole diameters only, which meet no "
+            "given MTF50; give --size-px, or --camera physical"
+        )
     if mtf50 is not None and size_px is None:
         try:
             return psf_for_mtf50(blur, mtf50, angle_deg=angle_deg)[1]
@@ -184,4 +192,12 @@ def _kernel(
             raise InputError(f"--blur {blur} --mtf50 {mtf50:g}: {error}") from None
     if size_px is None or mtf50 is not None:
         raise InputError(f"--blur {blur} needs either --size-px or --mtf50")
-    return create(blur, size_px, angle_deg, stream(seed, "psf", blur, float(size_px)))
+    try:
+        return create(blur, size_px, angle_deg, stream(seed, "psf", blur, float(size_px)), camera=program)
+    except InputError as error:
+        if (program, blur) != ("authors", "defocus"):
+            raise
+        raise InputError(
+            f"--blur {blur} --size-px {size_px:g}: the authors' program draws discs on 33 x 33 px, up to a size below "
+            "30; give less, or --camera physical"
+        ) from error

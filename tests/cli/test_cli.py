@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from data_makers import make_folder, make_kitti, make_sim, make_udacity, picture
 
 from pipeline import noise
-from pipeline.camera.psf import kinds
+from pipeline.camera.psf import create, kinds
 from pipeline.cli import COMMANDS, main
 from pipeline.cli.corrupt import command as corrupt_command
 from pipeline.noise.base import NoiseEstimate
@@ -224,6 +224,32 @@ def test_corrupt_states_that_a_kernel_of_one_pixel_makes_copies(tmp_path, blur, 
     assert ("these are copies; give --sigma-dn, a larger --size-px" in done.stderr) == copies
     noisier = call("corrupt", source, "--out", out, *options, "--sigma-dn", 2).stderr
     assert "copies" not in noisier and ("blurs nothing" in noisier) == copies
+
+
+@pytest.mark.parametrize("camera", ["authors", "authors_2022"])
+def test_defocus_by_the_authors_program_is_its_disc(tmp_path, camera):
+    """Off centre, a pixel wider and with the sides of its canvas; motion is that of the physical camera."""
+    source, kernels = noisy(tmp_path / "a.png", 3.0), {}
+    for name, blur in (("physical", "linear_motion"), (camera, "linear_motion"), (camera, "defocus")):
+        done = call("corrupt", source, "--out", tmp_path / "o", "--blur", blur, "--size-px", 7, "--camera", name)
+        assert done.exit_code == 0, done.output
+        kernels[name, blur] = np.array(json.loads((tmp_path / "o/a.json").read_text())["kernel"])
+    assert (kernels[camera, "defocus"] == create("defocus", 7, camera="authors")).all()
+    assert (kernels[camera, "linear_motion"] == kernels["physical", "linear_motion"]).all()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [(("--size-px", 31), "--size-px 31: the authors' program draws discs on 33 x 33 px, up to a size below 30"),
+     (("--mtf50", 0.3), "odd whole diameters only")],
+)  # fmt: skip
+def test_defocus_that_the_authors_program_cannot_draw_is_refused_in_one_line(tmp_path, options, words):
+    source = noisy(tmp_path / "a.png", 3.0)
+    done = call("corrupt", source, "--out", tmp_path / "o", "--blur", "defocus", *options, "--camera", "authors")
+    assert done.exit_code == 2 and words in done.output and "--camera physical" in done.output
+    assert len(done.output.strip().splitlines()) == 1
+    done = call("corrupt", source, "--out", tmp_path / "o", "--blur", "gaussian", "--mtf50", 0.3, "--camera", "authors")
+    assert done.exit_code == 0, done.output
 
 
 def test_corrupt_writes_of_nothing_where_nothing_can_be_used(tmp_path):
