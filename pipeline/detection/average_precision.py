@@ -54,6 +54,7 @@ class ClassResult:
         precision, recall: (right + wrong,) after each of these detections; recall is NaN where there is no object.
         draws: (draws,) average precision on resampled images, NaN where a draw holds no object; empty without a
             bootstrap. Equal generators resample the same images, so draws of several conditions belong together.
+        resampled_from: state of the generator before them; empty without a bootstrap.
     """
 
     label: str
@@ -72,6 +73,7 @@ class ClassResult:
     precision: NDArray[np.float64]
     recall: NDArray[np.float64]
     draws: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0), repr=False)
+    resampled_from: str = field(default="", repr=False)
 
 
 def evaluate(
@@ -92,7 +94,8 @@ def evaluate(
         labels: classes to judge; None takes every class that has an object, as the paper's program does.
         rule: ``"paper"`` or ``"coco"``.
         iou_threshold: least intersection over union of a right detection, in (0, 1].
-        generator: for the bootstrap over images; None leaves the intervals out.
+        generator: for the bootstrap over images; None leaves the intervals out. Classes draw from it in turn, so that
+            each resamples other images; for a mean over classes (`mean_over_classes`) judge each by an equal generator.
         draws: resamples.
         groups: one word per image; images of one group are no independent samples and are resampled together. None
             resamples images.
@@ -141,7 +144,16 @@ def mean_over_classes(results: Collection[ClassResult]) -> MeanResult:
 
     Args:
         results: at least one, judged with equal generators, so that their draws are of the same images.
+
+    Raises:
+        InputError: the draws are of different images.
     """
+    if len({result.resampled_from for result in results}) > 1:
+        labels = ", ".join(result.label for result in results)
+        raise InputError(
+            f"mean over classes ({labels}): resampled from different images; judge each class with a generator of its "
+            "own, made by the same stream(...)"
+        )
     known = [result for result in results if result.objects]
     draws = 100.0 * np.stack([result.draws for result in results])
     held = np.isfinite(draws)
@@ -192,8 +204,9 @@ def _evaluate_class(
     found_so_far = np.cumsum(hit)
     share = float(area(hit[None].astype(float), np.ones((1, len(hit))), np.array([total]), rule)[0])
     clusters = len(np.unique(group_of[objects > 0]))
-    drawn, (low, high) = np.zeros(0), NO_INTERVAL
+    drawn, (low, high), state = np.zeros(0), NO_INTERVAL, ""
     if generator is not None:
+        state = repr(generator.bit_generator.state)
         drawn = _bootstrap(hit, image_of, objects, rule, generator, draws, group_of)
         low, high = bias_corrected(drawn, share, clusters, bounds=(0.0, 1.0))  # a draw may hold no object at all
     return ClassResult(
@@ -213,6 +226,7 @@ def _evaluate_class(
         precision=found_so_far / np.arange(1, len(hit) + 1),
         recall=found_so_far / total if total else np.full(len(hit), np.nan),
         draws=drawn,
+        resampled_from=state,
     )
 
 

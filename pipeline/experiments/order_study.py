@@ -152,7 +152,9 @@ def precisions(
     criteria: EvaluationSettings,
     seed: int,
 ) -> list[MeanResult]:
-    """Average precision under every condition; the draws resample the same scenes, so that differences are paired.
+    """Average precision under every condition.
+
+    The draws resample the same scenes for every condition and class, so that differences are paired.
 
     Args:
         frames: looked at.
@@ -168,11 +170,14 @@ def precisions(
     for number in range(len(chosen)):
         parts = [each[number] for each in found]
         detected = [Detections.of(part["boxes"], part["score"], part["label"]) for part in parts]
-        results = evaluate(
-            detected, truths, words.classes, criteria.rule, criteria.iou_threshold, stream(seed, "order study"),
-            criteria.bootstrap_draws, scenes,
-        )  # fmt: skip
-        scores.append(mean_over_classes(list(results.values())))
+        by_class = [
+            evaluate(
+                detected, truths, [label], criteria.rule, criteria.iou_threshold, stream(seed, "order study"),
+                criteria.bootstrap_draws, scenes,
+            )[label]
+            for label in words.classes
+        ]  # fmt: skip
+        scores.append(mean_over_classes(by_class))
     return scores
 
 

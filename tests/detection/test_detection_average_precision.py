@@ -264,7 +264,10 @@ def test_a_mean_over_classes_leaves_out_those_without_objects() -> None:
     detections = [found(*claims, ("person", 0.8, 50, 0, 60, 10)), found(*claims), found(*claims), Detections.none()]
 
     def judged(labels: list[str]):
-        return list(evaluate(detections, truths, labels, generator=stream(0, "bootstrap"), draws=200).values())
+        return [
+            evaluate(detections, truths, [label], generator=stream(0, "bootstrap"), draws=200)[label]
+            for label in labels
+        ]
 
     car, person, _ = classes = judged(["car", "person", "truck"])
     mean = mean_over_classes(classes)
@@ -275,6 +278,22 @@ def test_a_mean_over_classes_leaves_out_those_without_objects() -> None:
     np.testing.assert_allclose(mean.draws[~alone], 50 * (car.draws + person.draws)[~alone])
     none = mean_over_classes(judged(["truck"]))
     assert np.isnan(none.ap_percent) and np.isnan(none.draws).all() and (none.objects, none.clusters) == (0, 0)
+
+
+def test_a_mean_over_classes_of_different_resamples_is_refused() -> None:
+    """Two classes alike in all: resampled alike their mean has the draws of either; one after the other it is none."""
+    boxes = [("car", 0, 0, 10, 10, False), ("person", 0, 0, 10, 10, False)]
+    hits = [("car", 0.9, 0, 0, 10, 10), ("person", 0.9, 0, 0, 10, 10)]
+    truths, detections = [truth(*boxes)] * 8, [found(*hits)] * 4 + [Detections.none()] * 4
+    each = [
+        evaluate(detections, truths, [label], generator=stream(0, "bootstrap"))[label] for label in ("car", "person")
+    ]
+    np.testing.assert_allclose(mean_over_classes(each).draws, 100 * each[0].draws)
+    in_turn = evaluate(detections, truths, ["car", "person"], generator=stream(0, "bootstrap"))
+    assert not np.array_equal(in_turn["car"].draws, in_turn["person"].draws)
+    with pytest.raises(InputError, match=r"mean over classes \(car, person\): .* a generator of its own"):
+        mean_over_classes(in_turn.values())
+    assert mean_over_classes(evaluate(detections, truths).values()).ap_percent == 50.0  # no draws, nothing to compare
 
 
 def test_objects_without_detections_are_zero() -> None:

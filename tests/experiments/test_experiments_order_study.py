@@ -13,7 +13,7 @@ from pipeline.camera.settings import CameraSettings
 from pipeline.datasets.frame import Box, Frame
 from pipeline.detection.average_precision import MeanResult
 from pipeline.detection.base import Detections
-from pipeline.detection.classes import CLASS_MAPS
+from pipeline.detection.classes import CLASS_MAPS, ClassMap
 from pipeline.experiments import order_study
 from pipeline.store import write_image
 from pipeline.streams import stream
@@ -75,6 +75,25 @@ def test_order_study_noise_behind_the_optics_keeps_its_level(frame):
     assert table.loc["detector", "clipped_sigma_dn"] == pytest.approx(15, rel=0.05)
     assert table.loc["paper", "clipped_sigma_dn"] == pytest.approx(15 / np.sqrt(11), rel=0.1)
     assert (table["frames"] == 1).all() and table["ap_percent"].between(0, 100).all()
+
+
+def test_a_second_class_that_is_found_alike_leaves_the_interval_of_precision_as_it_is(tmp_path):
+    """Cars and persons in the same boxes, found in the same frames: their mean is as certain as either."""
+    chosen, corners = order_study.conditions([0], [5]), [(40 * left, 0, 40 * left + 30, 30) for left in range(5)]
+    frames, measured = [], []
+    for number in range(24):
+        hit = stream(1, "alike", number).random(5) < (0.2 if number % 2 else 0.9)
+        boxes, score = np.array(corners, float)[hit], np.linspace(0.9, 0.5, 5)[hit]
+        words = [Box(label, *box) for label in ("car", "person") for box in corners]
+        frames.append(Frame("sim", f"evaluation-{number:04}-3", tmp_path / f"{number}.png", tuple(words)))
+        labels = ["car"] * hit.sum() + ["person"] * hit.sum()
+        measured.append([{"boxes": np.tile(boxes, (2, 1)), "score": np.tile(score, 2), "label": labels}] * len(chosen))
+    judge = SimpleNamespace(**{**vars(JUDGE), "bootstrap_draws": 300})
+    both = order_study.precisions(frames, measured, chosen, CLASS_MAPS["sim"], judge, 1)
+    car = order_study.precisions(frames, measured, chosen, ClassMap({"car": "car"}), judge, 1)
+    for mean, alone in zip(both, car, strict=True):
+        assert mean.ap_percent == pytest.approx(alone.ap_percent) and np.ptp(alone.draws) > 10
+        np.testing.assert_allclose(mean.draws, alone.draws)
 
 
 def _made(amae_of, ap_of, frames=6):
