@@ -36,7 +36,7 @@ def _window(size_px: int) -> torch.Tensor:
     """Two-dimensional periodic Hann window of mean square 1."""
     import torch
 
-    profile = torch.hann_window(size_px, periodic=True) / 0.375**0.5
+    profile = torch.hann_window(size_px, periodic=True, dtype=torch.float32) / 0.375**0.5
     return profile[:, None] * profile[None]
 
 

@@ -1,9 +1,17 @@
-"""How networks are run outside of trainings, whatever the settings of the program that calls them."""
+"""How networks are made and run outside of trainings, whatever the settings of the program that calls them.
+
+Networks and what prepares their input state the type of every tensor they make, so that running them changes nothing
+that other threads see.
+"""
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+
+_MAKING = threading.RLock()
+"""What holds for all threads is set by one at a time, else one would restore what another has set."""
 
 
 @contextmanager
@@ -15,22 +23,22 @@ def inference() -> Iterator[None]:
         torch.inference_mode(),
         torch.autocast("cpu", enabled=False),
         torch.autocast("cuda", enabled=False),
-        single_precision(),
     ):
         yield
 
 
 @contextmanager
-def single_precision() -> Iterator[None]:
-    """With float32 as the type of new tensors: also in a program that has set another (``torch.set_default_dtype``)."""
+def caller_settings_kept() -> Iterator[None]:
+    """For making networks: float32 as the type of new tensors, and the random numbers of PyTorch as they were after it.
+
+    One thread at a time; threads of the calling program see float32 meanwhile.
+    """
     import torch
 
-    before = torch.get_default_dtype()
-    if before == torch.float32:  # what holds for all threads is set only where it must be
-        yield
-        return
-    torch.set_default_dtype(torch.float32)
-    try:
-        yield
-    finally:
-        torch.set_default_dtype(before)
+    with _MAKING, torch.random.fork_rng(devices=[]):
+        before = torch.get_default_dtype()
+        torch.set_default_dtype(torch.float32)
+        try:
+            yield
+        finally:
+            torch.set_default_dtype(before)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pipeline import weight_files
 from pipeline.errors import InputError
-from pipeline.learning.inference import single_precision
+from pipeline.learning.inference import caller_settings_kept
 from pipeline.store import file_sha256
 
 if TYPE_CHECKING:
@@ -154,14 +154,12 @@ def untrained(make: Callable[[], Made]) -> Made:
     """A network as it is before weights are loaded.
 
     PyTorch draws its first weights, for nothing, from random numbers that are the caller's; they stay as they are. So
-    does the type of new tensors that the caller has set; the network's is float32.
+    does the type of new tensors that the caller has set; the network's is float32. Threads make theirs one by one.
 
     Args:
         make: the network's class, or a call of it.
     """
-    import torch
-
-    with torch.random.fork_rng(devices=[]), single_precision():
+    with caller_settings_kept():
         return make()
 
 

@@ -118,7 +118,7 @@ class CellwiseNet(nn.Module):
     @staticmethod
     def _traces(weights: torch.Tensor, light: torch.Tensor, own: torch.Tensor) -> torch.Tensor:
         """Noise by brightness, as the traced heads see it: ln sigma and ln weight at each level, (N, 4 levels)."""
-        levels = torch.tensor(LEVELS, device=light.device)
+        levels = torch.tensor(LEVELS, dtype=light.dtype, device=light.device)
         near = (1 - (light[:, None] - levels[:, None]).abs() / LEVEL_REACH).clamp_min(0)
         mass = weights @ near.mT
         power = weights @ (near * own.square()[:, None]).mT

@@ -32,12 +32,12 @@ def cells(
     centres, sizes = [], []
     for stride in strides:
         rows, columns = torch.meshgrid(
-            torch.arange(height_px // stride, device=device),
-            torch.arange(width_px // stride, device=device),
+            torch.arange(height_px // stride, dtype=torch.float32, device=device),
+            torch.arange(width_px // stride, dtype=torch.float32, device=device),
             indexing="ij",
         )
         centres.append((torch.stack([columns, rows], -1).reshape(-1, 2) + 0.5) * stride)
-        sizes.append(torch.full((rows.numel(),), float(stride), device=device))
+        sizes.append(torch.full((rows.numel(),), float(stride), dtype=torch.float32, device=device))
     return torch.cat(centres), torch.cat(sizes)
 
 

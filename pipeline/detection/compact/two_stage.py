@@ -91,13 +91,13 @@ class TwoStage(nn.Module):
 def pooled(maps: list[torch.Tensor], regions: torch.Tensor) -> torch.Tensor:
     """What the pyramid holds in each region, (N, R, 64, 7, 7)."""
     count, many = regions.shape[:2]
-    parts = (torch.arange(PARTS, device=regions.device) + 0.5) / PARTS
+    parts = (torch.arange(PARTS, dtype=regions.dtype, device=regions.device) + 0.5) / PARTS
     x = regions[..., 0:1] + parts * (regions[..., 2:3] - regions[..., 0:1])  # (N, R, 7)
     y = regions[..., 1:2] + parts * (regions[..., 3:4] - regions[..., 1:2])
     where = torch.stack([x[:, :, None, :].expand(-1, -1, PARTS, -1), y[..., None].expand(-1, -1, -1, PARTS)], -1)
     size = square_root(boxes.areas(regions))
     level = (size > FINE_PX).long() + (size > MIDDLE_PX).long()
-    total = torch.zeros(count, many, PYRAMID, PARTS, PARTS, device=regions.device)
+    total = torch.zeros(count, many, PYRAMID, PARTS, PARTS, dtype=torch.float32, device=regions.device)
     for index, (features, stride) in enumerate(zip(maps, STRIDES, strict=True)):
         sides = [features.shape[3] * stride, features.shape[2] * stride]
         extent = torch.tensor(sides, dtype=torch.float32, device=regions.device)
