@@ -26,10 +26,11 @@ class Registry:
         kind: what is registered, in words (``"noise estimator"``).
         group: entry point group for third parties.
         builtin: name -> ``"module:attribute"``.
+        method: that what `create` makes is asked by (``"estimate"``); None for things of other uses.
     """
 
-    def __init__(self, kind: str, group: str, builtin: Mapping[str, str]) -> None:
-        self.kind, self.group, self._builtin = kind, group, dict(builtin)
+    def __init__(self, kind: str, group: str, builtin: Mapping[str, str], method: str | None = None) -> None:
+        self.kind, self.group, self._builtin, self.method = kind, group, dict(builtin), method
 
     def names(self) -> list[str]:
         """All registered names, sorted; built-in names win over third parties'."""
@@ -67,14 +68,27 @@ class Registry:
         """Make one, with keyword options.
 
         Raises:
-            InputError: unknown name, or an option it does not take.
+            InputError: unknown name, an option it does not take, or a class, perhaps a third party's, that lacks a
+                method.
             Exception: whatever making it raises.
         """
-        made = self.get(name)
+        maker = self.get(name)
+        if inspect.isabstract(maker):
+            raise self._unfinished(name, maker, sorted(maker.__abstractmethods__))
         try:
-            inspect.signature(made).bind(**options)
+            inspect.signature(maker).bind(**options)
         except TypeError as error:
             raise InputError(f"{self.kind} '{name}': {error}") from error
         except ValueError:  # of compiled code, without a signature to compare with
             pass
-        return made(**options)
+        made = maker(**options)
+        if self.method is not None and not callable(getattr(made, self.method, None)):
+            raise self._unfinished(name, maker, [self.method])
+        return made
+
+    def _unfinished(self, name: str, maker: Any, missing: list[str]) -> InputError:
+        """The refusal of a class without these methods."""
+        return InputError(
+            f"{self.kind} '{name}': {getattr(maker, '__name__', maker)} lacks {' and '.join(missing)}(); "
+            "docs/extend.md shows a whole one"
+        )

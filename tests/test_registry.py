@@ -3,6 +3,7 @@
 import pytest
 from plug_in_makers import plug_in
 
+from pipeline import blur, control, detection, noise
 from pipeline.errors import InputError
 from pipeline.registry import Registry
 
@@ -65,3 +66,59 @@ def test_a_class_that_a_module_lacks_is_named_with_its_entry_point(tmp_path, mon
     with pytest.raises(InputError, match="renamed_things has no 'Old'.*test_things: old = renamed_things:Old"):
         THINGS.get("old")
     assert not THINGS.is_builtin("old") and THINGS.is_builtin("path")
+
+
+UNFINISHED = """
+from abc import ABC, abstractmethod
+
+from pipeline.blur.base import Estimator as Blur
+from pipeline.control.policy import Policy as OfControl
+from pipeline.noise.base import Estimator as Noise
+
+
+class Measureless(Noise):
+    pass
+
+
+class Blind(Blur):
+    pass
+
+
+class Undecided(OfControl):
+    pass
+
+
+class Loading(ABC):
+    def detect(self, images):
+        return []
+
+    @abstractmethod
+    def load(self): ...
+
+
+class Other:
+    def __init__(self, size=1):
+        self.detect = self.estimate = size
+"""
+
+
+def test_a_class_without_its_method_is_named(tmp_path, monkeypatch):
+    points = {
+        "noise": "unfinished = unfinished_parts:Measureless\nother = unfinished_parts:Other",
+        "blur": "unfinished = unfinished_parts:Blind",
+        "control": "unfinished = unfinished_parts:Undecided",
+        "detection": "unfinished = unfinished_parts:Loading\nother = unfinished_parts:Other",
+    }
+    plug_in(tmp_path, monkeypatch, "unfinished_parts", UNFINISHED, **points)
+    for create, name, words in (
+        (noise.create, "unfinished", r"noise estimator 'unfinished': Measureless lacks measure\(\); docs/extend.md"),
+        (noise.create, "other", r"noise estimator 'other': Other lacks estimate\(\)"),
+        (blur.create, "unfinished", r"blur estimator 'unfinished': Blind lacks measure\(\)"),
+        (control.create, "unfinished", r"control policy 'unfinished': Undecided lacks decide\(\)"),
+        (detection.create, "unfinished", r"detector 'unfinished': Loading lacks load\(\)"),
+        (detection.create, "other", r"detector 'other': Other lacks detect\(\)"),
+    ):
+        with pytest.raises(InputError, match=f"^{words}"):
+            create(name)
+    with pytest.raises(InputError, match="detector 'other': .*colour"):
+        detection.create("other", colour=1)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import Any
 
 from pipeline.blur.base import BlurEstimate, BlurEstimator
-from pipeline.plug_ins import created
 from pipeline.registry import Registry
 
 REGISTRY = Registry(
@@ -22,6 +21,7 @@ REGISTRY = Registry(
         "pmp": "pipeline.blur.pmp:PatchwiseMinimalPixels",
         "spectral": "pipeline.blur.spectral:Spectral",
     },
+    "estimate",
 )
 
 
@@ -31,7 +31,7 @@ def create(name: str, **options: Any) -> BlurEstimator:
     Raises:
         InputError: unknown name or option, or a class without what an estimator has.
     """
-    made: BlurEstimator = created(REGISTRY, name, "estimate", options)
+    made: BlurEstimator = REGISTRY.create(name, **options)
     return made
 
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pipeline.plug_ins import created
 from pipeline.registry import Registry
 
 if TYPE_CHECKING:
@@ -35,6 +34,7 @@ REGISTRY = Registry(
         "shim": "pipeline.control.policies.shim:Shim",
         "shin2019": "pipeline.control.policies.shin2019:Shin2019",
     },
+    method="decide",
 )
 
 
@@ -55,7 +55,7 @@ def create(
     from pipeline.control.policy import ControlledCamera
 
     known = {"camera": camera or ControlledCamera(), "performance": performance}
-    policy: Policy = created(REGISTRY, name, "decide", known | options)
+    policy: Policy = REGISTRY.create(name, **known, **options)
     return policy
 
 

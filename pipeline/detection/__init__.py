@@ -28,6 +28,7 @@ REGISTRY = Registry(
         "yolov7": "pipeline.detection.yolov7:Yolov7",
         "yolox": "pipeline.detection.yolox:Yolox",
     },
+    method="detect",
 )
 
 
@@ -39,7 +40,7 @@ def create(name: str, **options: Any) -> Detector:
         options: the detector's own, as in its class.
 
     Raises:
-        InputError: unknown name or option, or a model file that cannot be used.
+        InputError: unknown name or option, a class without `detect`, or a model file that cannot be used.
     """
     detector: Detector = REGISTRY.create(name, **options)
     return detector

@@ -29,12 +29,10 @@ def detections_in(detector: Detector, image: NDArray[np.floating], name: str) ->
         what it detected, in arrays of their own and in the detector's order.
 
     Raises:
-        InputError: the detector has no ``detect``, refuses the image, or does not return a list of one `Detections`
-            with finite boxes, x1 <= x2 and y1 <= y2, and scores in 0 to 1.
+        InputError: the detector refuses the image, or does not return a list of one `Detections` with finite boxes,
+            x1 <= x2 and y1 <= y2, scores in 0 to 1 and labels that are text.
     """
     try:
-        if not callable(getattr(detector, "detect", None)):
-            raise WrongAnswer(f"{type(detector).__name__} lacks detect(); docs/extend.md shows a whole one")
         return _checked(detector.detect([image.copy()]))
     except InputError as error:
         raise InputError(f"detector '{name}': {error}") from error
@@ -57,6 +55,9 @@ def _checked(answered: object) -> Detections:
     check_array("score", score, (count,))
     check_array("boxes", boxes, (count, 4))
     check_array("label", label, (count,), "OU")
+    for number, word in enumerate(label):  # an array of objects may hold class numbers, which no class is called
+        if not isinstance(word, str):
+            raise WrongAnswer(f"label of detection {number} is {word!r} of type {type(word).__name__}, expected text")
     _check_each("score", score, (score >= -SCORE_SLACK) & (score <= 1.0 + SCORE_SLACK), "0 to 1")
     _check_each("the box", boxes, np.isfinite(boxes).all(axis=1), "finite x1 y1 x2 y2")
     ordered = boxes[:, 2:] - boxes[:, :2] >= -ROUNDING * (1.0 + np.abs(boxes[:, :2]))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pipeline.plug_ins import created
 from pipeline.registry import Registry
 
 if TYPE_CHECKING:
@@ -28,6 +27,7 @@ REGISTRY = Registry(
         "cnn": "pipeline.noise.cnn:PixelCnn",
         "immerkaer": "pipeline.noise.immerkaer:Immerkaer",
     },
+    method="estimate",
 )
 
 DEFAULT = "adaptive"
@@ -44,5 +44,5 @@ def create(name: str, **options: Any) -> NoiseEstimator:
     Raises:
         InputError: unknown name or option, an option out of range, or a class without what an estimator has.
     """
-    estimator: NoiseEstimator = created(REGISTRY, name, "estimate", options)
+    estimator: NoiseEstimator = REGISTRY.create(name, **options)
     return estimator
