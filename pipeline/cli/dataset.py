@@ -32,8 +32,8 @@ def command(kind: str, root: Path | None, max_rejected_fraction: float) -> None:
     """Check the dataset at ROOT, of KIND sim, photos, kitti, udacity or folder.
 
     Prints how many frames and objects are usable, the objects of each class with the range of their sizes and what they
-    are to detectors (objects, ignored or left out), what was mended, how many pictures are no frames, and each file that
-    would be set aside and why.
+    are to detectors (objects, ignored or left out), what was mended, how many pictures are no frames, and each file
+    that would be set aside and why.
     """
     from pipeline.datasets import open_dataset
     from pipeline.datasets.pictures import SUFFIXES
