@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from pipeline.datasets import REGISTRY
 from pipeline.datasets.frame import Box, Frame
@@ -18,20 +19,49 @@ def class_map(kind: str) -> ClassMap:
         kind: the dataset's layout; one of a third party brings ``detector_classes`` (`pipeline.datasets.dataset`).
 
     Raises:
-        InputError: there is no map for it.
+        InputError: there is no map for it, or a part of it means nothing.
     """
     words: Mapping[str, ClassMap] = {**CLASS_MAPS, "folder": CLASS_MAPS["sim"]}
     if kind in words:
         return words[kind]
     registered = REGISTRY.get(kind) if kind in REGISTRY.names() else None
-    classes = dict(getattr(registered, "detector_classes", {}))
-    if not classes:
+    classes = getattr(registered, "detector_classes", {})
+    if isinstance(classes, Mapping) and not classes:
         hint = did_you_mean(kind, words)
         raise InputError(
             f"no class map defines what the labels of datasets of kind '{kind}' mean to a detector; {hint} (they are in"
             " pipeline/detection/classes.py); a class of your own defines it by its attribute detector_classes"
         )
-    return ClassMap(classes, dict(getattr(registered, "detector_neighbours", {})))
+    _check_classes(kind, classes)
+    neighbours = getattr(registered, "detector_neighbours", {})
+    _check_neighbours(kind, neighbours, classes)
+    return ClassMap(dict(classes), {word: tuple(ignored) for word, ignored in neighbours.items()})
+
+
+def _check_classes(kind: str, classes: Any) -> None:
+    key = f"datasets of kind '{kind}': detector_classes"
+    if not isinstance(classes, Mapping):
+        raise InputError(f"{key} is {classes!r}, expected a mapping as {{'auto': 'car'}}")
+    for word, label in classes.items():
+        if not (isinstance(word, str) and isinstance(label, str) and label):
+            raise InputError(f"{key}[{word!r}] is {label!r}, expected the word of one class, as 'car'")
+
+
+def _check_neighbours(kind: str, neighbours: Any, classes: Mapping[str, str]) -> None:
+    """Each names classes that are judged, and is none of the words that stand for one: else it has no effect."""
+    key = f"datasets of kind '{kind}': detector_neighbours"
+    judged = sorted(set(classes.values()))
+    if not isinstance(neighbours, Mapping):
+        raise InputError(f"{key} is {neighbours!r}, expected a mapping as {{'van': ('{judged[0]}',)}}")
+    for word, ignored in neighbours.items():
+        if word in classes:
+            raise InputError(f"{key}: '{word}' stands for '{classes[word]}' in detector_classes; leave it out of one")
+        known = isinstance(ignored, (tuple, list)) and ignored and all(label in judged for label in ignored)
+        if not known:
+            raise InputError(
+                f"{key}[{word!r}] is {ignored!r}, expected a tuple of classes of detector_classes "
+                f"({', '.join(judged)}), as ('{judged[0]}',)"
+            )
 
 
 def role_of(word: str, boxes: Iterable[Box], words: ClassMap) -> str:

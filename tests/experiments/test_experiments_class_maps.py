@@ -1,14 +1,17 @@
-"""Words of labels that are a known one but for case or plural: they are found, and refused where objects count."""
+"""What labels mean to detectors: parts of a class map are checked; words that are known but for case or plural are told."""
 
 from __future__ import annotations
 
+import ast
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 from data_makers import make_folder, make_kitti
 from plug_in_makers import plug_in
 
-from pipeline.datasets import open_dataset
+from pipeline.datasets import REGISTRY, open_dataset
+from pipeline.datasets.folder import Folder
 from pipeline.datasets.frame import Box
 from pipeline.errors import InputError
 from pipeline.experiments.class_maps import class_map, mistaken_words, refuse_mistaken_words, role_of
@@ -59,3 +62,63 @@ def test_each_word_has_a_role() -> None:
     assert roles == {"Pedestrian": "object: person", "Van": "ignored for car", "Spaceship": "left out"}
     assert role_of("DontCare", [ignored], words) == "ignored"
     assert role_of("Spaceship", [ignored, box], words) == "left out"
+
+
+def test_a_missing_class_map_is_named() -> None:
+    with pytest.raises(InputError, match="kind 'photo'.*known: .*kitti"):
+        class_map("photo")
+
+
+def test_a_third_partys_dataset_brings_what_its_labels_mean(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = """
+from pipeline.datasets.folder import Folder
+
+
+class Drives(Folder):
+    kind = "drives"
+    detector_classes = {"auto": "car"}
+    detector_neighbours = {"van": ("car",)}
+
+
+class Bare(Folder):
+    kind = "bare"
+"""
+    points = "drives = drives_of_mine:Drives\nbare = drives_of_mine:Bare"
+    plug_in(tmp_path, monkeypatch, "drives_of_mine", text, datasets=points)
+    words = class_map("drives")
+    assert words.classes == ["car"] and dict(words.neighbours) == {"van": ("car",)}
+    with pytest.raises(InputError, match="kind 'bare'.*detector_classes"):
+        class_map("bare")
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        (
+            "detector_neighbours = {'van': 'car'}",
+            r"detector_neighbours\['van'\] is 'car', expected a tuple of .*\(car\)",
+        ),
+        ("detector_neighbours = {'van': ('cars',)}", r"detector_neighbours\['van'\] is \('cars',\), expected a tuple"),
+        ("detector_neighbours = {'van': ()}", r"detector_neighbours\['van'\] is \(\), expected a tuple"),
+        ("detector_neighbours = {'auto': ('car',)}", "detector_neighbours: 'auto' stands for 'car'"),
+        ("detector_neighbours = ('van',)", r"detector_neighbours is \('van',\), expected a mapping"),
+        (
+            "detector_classes = {'auto': ('car',)}",
+            r"detector_classes\['auto'\] is \('car',\), expected the word of one",
+        ),
+        ("detector_classes = ('car',)", r"detector_classes is \('car',\), expected a mapping"),
+    ],
+)
+def test_a_class_map_of_which_a_part_would_mean_nothing_is_refused(
+    line: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Drives(Folder):
+        kind = "drives"
+        detector_classes: ClassVar = {"auto": "car"}
+
+    monkeypatch.setattr(REGISTRY, "names", lambda: ["drives"])
+    monkeypatch.setattr(REGISTRY, "get", lambda kind: Drives)
+    key, _, value = line.partition(" = ")
+    monkeypatch.setattr(Drives, key, ast.literal_eval(value))
+    with pytest.raises(InputError, match=f"^datasets of kind 'drives': {words}"):
+        class_map("drives")
