@@ -24,6 +24,9 @@ from pipeline.store import read_arrays, write_arrays
 
 Arrays = Mapping[str, NDArray[Any]]
 
+LONGEST_NAME_BYTES = 200
+"""Of a piece: file systems take 255 bytes, of which its hash and its suffix need some."""
+
 
 def fingerprint(code: str | Iterable[str], settings: Mapping[str, Any], kind: str) -> str:
     """Hash of settings (anything JSON can hold) and of the source that a sweep with one detector executes.
@@ -43,11 +46,14 @@ def load_or_compute(
 
     Args:
         folder: of the pieces of this run.
-        name: of the piece, fit for a file name.
+        name: of the piece, fit for a file name but for its length.
         depends: what it depends on beside the settings of the run (picture, kernel).
         names: of the arrays it must hold.
         make: makes it.
     """
+    encoded = name.encode()
+    if len(encoded) > LONGEST_NAME_BYTES:  # what is cut off goes into the hash
+        name, depends = encoded[:LONGEST_NAME_BYTES].decode(errors="ignore"), encoded + b"\0" + depends
     path = folder / f"{name}-{hashlib.blake2b(depends, digest_size=6).hexdigest()}.npz"
     if path.is_file():
         try:
