@@ -50,7 +50,6 @@ class Rig:
         controlled: what policies know of it.
         detector: registry name.
         detector_options: as JSON.
-        max_detections: detections kept of one frame, best first.
         seed: root seed.
         cache: folder of `FrameCache`, or None.
     """
@@ -60,7 +59,6 @@ class Rig:
     detector: str
     detector_options: str
     seed: int
-    max_detections: int = 100
     cache: Path | None = None
 
 
@@ -205,12 +203,11 @@ class SimulatedScene:
         def make() -> Arrays:
             image = (frame or self.expose(view, step, state)).image
             detector = opened(self.rig.detector, self.rig.detector_options)
-            detected = detections_in(detector, image, self.rig.detector)
-            selected = detected.best(self.rig.max_detections)
+            detected = detections_in(detector, image, self.rig.detector).best()
             return {
-                "boxes": selected.boxes.reshape(-1, 4),
-                "score": selected.score,
-                "label": selected.label.astype(np.str_),
+                "boxes": detected.boxes.reshape(-1, 4),
+                "score": detected.score,
+                "label": detected.label.astype(np.str_),
             }
 
         return self.cache.get("detections", self.key(view, step, state), make)

@@ -150,7 +150,6 @@ def measure(
     shared: Exposures,
     kind: str,
     options: str,
-    max_detections: int,
     estimate: bool,
     seed: int,
 ) -> dict[str, NDArray[Any]]:
@@ -163,7 +162,6 @@ def measure(
         shared: light and gains of all views.
         kind: registry name of the detector.
         options: of the detector, as JSON.
-        max_detections: detections kept of one frame, best first.
         estimate: whether the monitor is asked.
         seed: of the noise.
 
@@ -184,8 +182,8 @@ def measure(
             light=shared.light / gain, motion=Motion(size / design.exposure_s),
         )  # fmt: skip
         truth[number] = frame.sigma_dn
-        selected = detections_in(detector, frame.image, kind).best(max_detections)
-        parts.append((np.full(len(selected), number), selected.boxes, selected.score, selected.label))
+        detected = detections_in(detector, frame.image, kind).best()
+        parts.append((np.full(len(detected), number), detected.boxes, detected.score, detected.label))
         if estimate:
             condition = monitor().frame(frame.image)
             sigma[number] = float(condition.sigma_dn.value)

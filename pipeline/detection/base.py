@@ -72,8 +72,12 @@ class Detections:
         """Those with at least this score."""
         return self.where(self.score >= score)
 
-    def best(self, count: int) -> Detections:
-        """Those with the highest scores, at most so many, highest first; in their order where scores are equal."""
+    def best(self, count: int | None = None) -> Detections:
+        """Those with the highest scores, at most so many, highest first; in their order where scores are equal.
+
+        Args:
+            count: None takes all.
+        """
         return self.where(np.argsort(-self.score, kind="stable")[:count])
 
     def called(self, label: str) -> Detections:
@@ -82,7 +86,7 @@ class Detections:
 
 
 class Detector(Protocol):
-    """Anything that finds objects in grey images."""
+    """Anything that finds objects in grey images; it may state the words of its labels, as a sequence ``labels``."""
 
     def detect(self, images: Images) -> list[Detections]:
         """Find objects in each image on its own.

@@ -3,8 +3,8 @@
 Two published rules, and one addition. ``paper``: the rules of Cartucho's mAP program, which the paper used (Pascal VOC
 2012). Each detection, from the highest score down, belongs to the object it overlaps most; the first to claim an
 object is right, later ones are wrong. Widths and heights are one pixel longer than the difference of the corners.
-``coco``: each detection takes the best object that is still free, and only the 100 best detections of an image count
-(Lin et al. 2014; pycocotools).
+They limit the number of detections nowhere. ``coco``: each detection takes the best object that is still free, and only
+the 100 best detections of a class in an image count (Lin et al. 2014; pycocotools).
 
 The addition, as in KITTI's evaluation: a detection that is not right, but has at least half of its area in one ignored
 region, counts neither way. So does one that belongs to an ignored object; nobody misses an ignored object.
@@ -24,6 +24,7 @@ RULES: tuple[Rule, ...] = ("paper", "coco")
 TRUE_POSITIVE, FALSE_POSITIVE, IGNORED = 1, 0, -1
 IGNORED_FRACTION = 0.5
 COCO_MAX_DETECTIONS = 100
+"""Of one class in one image."""
 
 
 @dataclass(frozen=True)

@@ -87,7 +87,6 @@ def measure_view(
             view,
             kind=kind,
             options=json.dumps(options, sort_keys=True),
-            max_detections=100,
             estimate=True,
             design=design,
             shared=settings,

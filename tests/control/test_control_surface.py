@@ -122,7 +122,7 @@ def test_surface_levels_of_noise_differ_in_noise_not_in_brightness(tmp_path, mon
     camera = Camera()
     shared = surface.Exposures(surface.light_for_level(camera, RADIANCE, 0.5, 0.008), (1.0, 4.0, 16.0))
     result = surface.measure(
-        view, camera=camera, design=DESIGN, shared=shared, kind="", options="", max_detections=9, estimate=False, seed=1
+        view, camera=camera, design=DESIGN, shared=shared, kind="", options="", estimate=False, seed=1
     )  # fmt: skip
     assert [image.mean() for image in images] == pytest.approx([0.5] * 9, abs=0.04)
     noise = result["true_sigma"].reshape(3, 3)
@@ -145,7 +145,6 @@ def test_surface_a_detector_in_place_leaves_the_monitor_its_frame(tmp_path, monk
     camera = Camera()
     shared = surface.Exposures(surface.light_for_level(camera, RADIANCE, 0.5, 0.008), (1.0, 4.0, 16.0))
     result = surface.measure(
-        view, camera=camera, design=DESIGN, shared=shared, kind="mine", options="", max_detections=9, estimate=True,
-        seed=1,
+        view, camera=camera, design=DESIGN, shared=shared, kind="mine", options="", estimate=True, seed=1
     )  # fmt: skip
     assert result["score"] == pytest.approx([image.mean() for image in images], rel=1e-6)

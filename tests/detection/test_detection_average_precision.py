@@ -246,6 +246,18 @@ def test_ignored_regions_count_neither_way(rule: str) -> None:
     assert result.average_precision == 1.0
 
 
+def test_coco_counts_the_100_best_of_each_class_and_the_papers_rules_all() -> None:
+    """Behind 120 wrong cars the person is the first of its class; the right car is past the hundredth of its own."""
+    wrong = [("car", 0.9 - i / 1000, 0, 200 + 9 * i, 5, 205 + 9 * i) for i in range(120)]
+    claims = found(*wrong, ("car", 0.5, 0, 0, 50, 50), ("person", 0.4, 60, 0, 80, 60))
+    truths = [truth(("car", 0, 0, 50, 50, False), ("person", 60, 0, 80, 60, False))]
+    paper, coco = (evaluate([claims], truths, rule=rule) for rule in ("paper", "coco"))
+    assert [paper[label].detections for label in ("car", "person")] == [121, 1]
+    assert [coco[label].detections for label in ("car", "person")] == [100, 1]
+    assert paper["car"].average_precision == pytest.approx(1 / 121) and coco["car"].average_precision == 0
+    assert paper["person"].average_precision == coco["person"].average_precision == 1
+
+
 def test_a_class_without_objects_is_nan_with_a_count() -> None:
     claims = [found(("car", 0.9, 0, 0, 10, 10)), Detections.none()]
     truths = [truth(), truth(("car", 0, 0, 10, 10, True))]

@@ -41,7 +41,7 @@ def test_detections_check_their_parts() -> None:
 def test_the_best_detections_come_first_and_equal_scores_keep_their_order() -> None:
     many = Detections.of([[k, 0, k + 1, 1] for k in range(5)], [0.2, 0.9, 0.5, 0.9, 0.5], ["a", "b", "c", "d", "e"])
     assert list(many.best(3).label) == ["b", "d", "c"]
-    assert list(many.best(9).label) == ["b", "d", "c", "e", "a"] and len(many.best(0)) == 0
+    assert list(many.best(9).label) == list(many.best().label) == ["b", "d", "c", "e", "a"] and len(many.best(0)) == 0
 
 
 def test_detections_are_chosen_by_score_and_label() -> None:
