@@ -1,9 +1,11 @@
 """A detector under every condition of a sweep: what it finds in one frame behind one kernel, at every level of noise.
 
 That is the unit of work, of parallelism and of what an interrupted run keeps (`pipeline.detection.checkpoint`).
-Everything
-is tidy: one row per detection, one row per frame and condition looked at (frames without a detection are no gap), one
-row per object to be found.
+Everything is tidy: one row per detection, one row per frame and condition looked at (frames without a detection are no
+gap), one row per object to be found.
+
+All detections of the classes are kept: how many of a frame count is for the rule that judges them
+(`pipeline.detection.average_precision`).
 """
 
 from __future__ import annotations
@@ -80,7 +82,6 @@ class Sweep:
         target_sigmas_dn: of the noise.
         camera: that adds it.
         seed: root seed.
-        max_detections: detections kept of one frame, best first.
     """
 
     kind: str
@@ -90,25 +91,38 @@ class Sweep:
     target_sigmas_dn: tuple[float, ...]
     camera: CameraSettings
     seed: int
-    max_detections: int = 100
 
     def detect(self, frame: Frame, kernel: Kernel) -> dict[str, NDArray[Any]]:
         """Detections in one frame behind one kernel.
 
         Returns:
             ``level`` (M,) number of the level, ``boxes`` (M, 4), ``score`` (M,), ``label`` (M,); best first within a
-            level.
+            level. ``other`` (K,): the labels of detections that are left out, sorted.
         """
         detector = opened(self.kind, self.options)
         parts: list[tuple[NDArray[Any], ...]] = []
+        other: set[str] = set()
         sharp = SharpFrame(frame, self.camera, self.seed)
         for number, level in enumerate(self.target_sigmas_dn):
             image = sharp.under(Condition(kernel, self.noise_source, float(level))).image
             result = detections_in(detector, image, self.kind)
-            result = result.where(np.isin(result.label, self.classes)).best(self.max_detections)
+            wanted = np.isin(result.label, self.classes)
+            other.update(map(str, result.label[~wanted]))
+            result = result.where(wanted).best()
             parts.append((np.full(len(result), number), result.boxes, result.score, result.label))
         numbers, boxes, score, label = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return {"level": numbers, "boxes": boxes.reshape(-1, 4), "score": score, "label": label.astype(np.str_)}
+        return {
+            "level": numbers,
+            "boxes": boxes.reshape(-1, 4),
+            "score": score,
+            "label": label.astype(np.str_),
+            "other": np.array(sorted(other), dtype=np.str_),
+        }
+
+
+def words_of(found: Sequence[Mapping[str, NDArray[Any]]]) -> set[str]:
+    """The labels of all detections, of the classes or not, in what `Sweep.detect` gave."""
+    return {str(word) for piece in found for key in ("label", "other") for word in np.unique(piece[key])}
 
 
 def options_of(section: DetectorSettings) -> str:

@@ -20,6 +20,8 @@ ARRAYS = frozenset({"condition", "boxes", "score", "label", "true_sigma", "sigma
 @stage("control_surface", reads=READS, uses=CONTROL_USES)
 def run(run: Run) -> None:
     """Detect and estimate in every view under every condition; write surfaces of each fold, of the others, of all."""
+    import json
+    import sys
     from functools import partial
 
     import pandas as pd
@@ -30,6 +32,8 @@ def run(run: Run) -> None:
     from pipeline.control.cache import fingerprint
     from pipeline.control.views import folds, views
     from pipeline.detection.checkpoint import clear
+    from pipeline.detection.classes import CLASS_MAPS
+    from pipeline.detection.words import check_words
 
     params, section = run.params, run.params.control
     detector = params.detection.detectors[section.detector]
@@ -50,6 +54,10 @@ def run(run: Run) -> None:
     )
     measured = dict(zip(work, run.map(measure, work, "surface for control"), strict=True))
     criteria = params.detection.evaluation
+    words = {str(label) for part in measured.values() for label in part["label"]}
+    judged = (detector.kind, json.dumps(options, sort_keys=True), CLASS_MAPS["sim"].classes)
+    for warning in check_words(*judged, words, "sim"):
+        print(f"warning: {warning}", file=sys.stderr)
     rows = []
     with store.replacing_folder(run.outputs / "data/control_surface") as out:
         for name, chosen in measured_surface.fold_sets(len(every)).items():

@@ -344,20 +344,73 @@ def _indexed(config: Config, out: Path, name: str) -> Path:
     return out
 
 
-def test_the_most_detections_of_a_frame_are_of_the_classes_looked_for(
+def test_all_detections_of_the_classes_are_kept_and_other_words_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of three trees and a car the car counts, though two trees are surer."""
-    detected = Detections.of(np.tile([0.0, 0, 9, 9], (4, 1)), np.array([0.9, 0.8, 0.7, 0.6]), ["tree"] * 3 + ["car"])
+    """However many of another class are surer: the rule that judges them limits their number, or does not."""
+    labels = ["tree"] * 3 + ["car"] * 150 + ["person"]
+    detected = Detections.of(np.tile([0.0, 0, 9, 9], (154, 1)), np.linspace(0.9, 0.1, 154), labels)
     monkeypatch.setattr(sweep, "opened", lambda kind, options: SimpleNamespace(detect=lambda images: [detected]))
     frame = open_dataset("kitti", "kitti", make_kitti(tmp_path, frames=1)).frames()[0]
-    looking = sweep.Sweep("any", "{}", ("car",), "dcsn", (0.0,), CameraSettings(), 1, max_detections=2)
-    assert looking.detect(frame, sharp_kernel())["label"].tolist() == ["car"]
+    looking = sweep.Sweep("any", "{}", ("car", "person"), "dcsn", (0.0, 1.0), CameraSettings(), 1)
+    piece = looking.detect(frame, sharp_kernel())
+    assert piece["label"].tolist() == 2 * labels[3:] and piece["other"].tolist() == ["tree"]
+    assert sweep.words_of([piece, piece]) == {"tree", "car", "person"}
 
 
-def test_a_missing_class_map_is_named() -> None:
-    with pytest.raises(InputError, match="kind 'photo'.*known: .*kitti"):
-        class_map("photo")
+CALLING = """
+import numpy as np
+from pipeline.detection.base import Detections, each_image
+
+
+class Calling:
+    def __init__(self, words):
+        self.words = words
+
+    def detect(self, images):
+        count = len(self.words)
+        return [Detections.of(np.tile([0.0, 0, 9, 9], (count, 1)), np.full(count, 0.5), self.words) for _ in images]
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("[Car, Pedestrian]", ""),
+        ("[car, Pedestrian]", "warning: detector 'calling' on 'kitti': it calls no detection 'person'; its words are"),
+        ("[car]", None),
+    ],
+)
+def test_a_sweep_tells_classes_that_a_detector_calls_otherwise(
+    words: str, told: str | None, data: Path, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    plug_in(tmp_path, monkeypatch, "calling_of_mine", CALLING, detection="calling = calling_of_mine:Calling")
+    config = _with_own(data, f"{{kind: calling, options: {{words: {words}}}}}")
+    index.run.run(config, {"dataset": "kitti"}, tmp_path, tmp_path)
+    detector.run.run(config, {"detector": "mine"}, tmp_path, tmp_path)
+    job = {"dataset": "kitti", "detector": "mine"}
+    if told == "":
+        expected = "'calling' on 'kitti'.* no detection 'car' or 'person'; its words are 'Car', 'Pedestrian'.*_classes"
+        with pytest.raises(InputError, match=expected):
+            detect.run.run(config, job, tmp_path, tmp_path)
+    else:
+        detect.run.run(config, job, tmp_path, tmp_path)
+        printed = capsys.readouterr().err
+        assert told in printed if told else "warning" not in printed
+
+
+def test_a_name_too_long_for_a_file_is_looked_at_as_others_are(data: Path, once: Path, tmp_path: Path) -> None:
+    """A stem of 240 bytes leaves no room for a kernel in a file name of 255."""
+    make_kitti(tmp_path / "kitti", frames=1)
+    (tmp_path / "tiny.onnx").write_bytes((data / "tiny.onnx").read_bytes())
+    for path in sorted((tmp_path / "kitti").rglob("000000.*")):
+        path.rename(path.with_stem("9" * 240))
+    config = configured(tmp_path)
+    prepare(config, tmp_path)
+    run(config, tmp_path)
+    looked = store.read_table(tmp_path / "data/detect/kitti-tiny/looked.parquet", sweep.LOOKED)
+    assert set(looked["frame"]) == {"9" * 240} and len(looked) == KERNELS * len(LEVELS)
 
 
 def test_neighbours_and_ignored_words_become_ignored_objects() -> None:
@@ -384,9 +437,9 @@ def test_other_weights_are_noticed(data: Path, once: Path, tmp_path: Path) -> No
     assert about["kind"] == "yolox"
 
 
-def _with_own(data: Path) -> Config:
-    """As `configured`, with a third party's detector in the place of the tiny one, by its kind alone."""
-    override = "+detection.detectors.mine={kind: spots}"
+def _with_own(data: Path, section: str = "{kind: spots}") -> Config:
+    """As `configured`, with a third party's detector in the place of the tiny one."""
+    override = f"+detection.detectors.mine={section}"
     content = yaml.safe_load(compose(["profile=smoke", "executor.workers=1", override], ROOT / "conf"))
     given = configured(data).model_dump(by_alias=True)
     content["datasets"], content["detection"]["sweep"] = given["datasets"], given["detection"]["sweep"]
@@ -431,28 +484,6 @@ def test_weights_and_options_of_a_third_partys_detector_are_checked_when_compili
     with pytest.raises(InputError, match=words):
         check_references(config)
     return None
-
-
-def test_a_third_partys_dataset_brings_what_its_labels_mean(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    text = """
-from pipeline.datasets.folder import Folder
-
-
-class Drives(Folder):
-    kind = "drives"
-    detector_classes = {"auto": "car"}
-    detector_neighbours = {"van": ("car",)}
-
-
-class Bare(Folder):
-    kind = "bare"
-"""
-    points = "drives = drives_of_mine:Drives\nbare = drives_of_mine:Bare"
-    plug_in(tmp_path, monkeypatch, "drives_of_mine", text, datasets=points)
-    words = class_map("drives")
-    assert words.classes == ["car"] and dict(words.neighbours) == {"van": ("car",)}
-    with pytest.raises(InputError, match="kind 'bare'.*detector_classes"):
-        class_map("bare")
 
 
 def test_after_an_edit_of_a_helper_module_a_killed_sweep_begins_anew(

@@ -46,6 +46,7 @@ class Compact:
     """
 
     released_file: ClassVar[str] = "data/weights/detector_compact.safetensors"
+    labels: ClassVar[tuple[str, ...]] = LABELS
 
     def __init__(
         self,
