@@ -48,8 +48,8 @@ def blur(image: Image, psf: np.ndarray, boundary: str = "reflect") -> Image:
         bit; in a batch of tensors with larger PSFs beside it, to rounding of the FFT (1e-6).
 
     Raises:
-        InputError: an image that is not floating point, of another shape or holds a value that is not finite, a PSF
-            that is even, not of unit sum or not finite, or an unknown boundary.
+        InputError: an image that is not floating point, of another shape, has masked pixels or holds a value that is
+            not finite, a PSF that is even, not of unit sum or not finite, or an unknown boundary.
     """
     if boundary not in BOUNDARIES:
         raise InputError(f"unknown boundary '{boundary}' for blur; {did_you_mean(boundary, BOUNDARIES)}")
@@ -59,6 +59,8 @@ def blur(image: Image, psf: np.ndarray, boundary: str = "reflect") -> Image:
     count = shape[0] if len(shape) == 4 else 1
     kernels = _kernels(psf, count)
     if isinstance(image, np.ndarray):
+        if np.ma.is_masked(image):
+            raise InputError("image: masked pixels would spread; cut it to a rectangle without them")
         if not np.issubdtype(image.dtype, np.floating):
             raise InputError(f"image is {image.dtype}; expected floating point in [0, 1]: divide 8-bit values by 255")
         planes = np.ascontiguousarray(image, dtype=np.float32).reshape(count, *shape[-2:])

@@ -23,6 +23,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.arrays import as_array
 from pipeline.camera import draws
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.psf import create as create_psf
@@ -154,9 +155,12 @@ class Camera:
             (H, W) float32 e-, not clipped.
 
         Raises:
-            InputError: radiance, time or light out of range.
+            InputError: radiance, time or light out of range, or masked pixels.
         """
-        scene = np.asarray(radiance, dtype=np.float32)
+        array = as_array(radiance)
+        if np.ma.is_masked(array):
+            raise InputError("radiance: masked pixels have none; cut the image to a rectangle without them")
+        scene = np.asarray(array, dtype=np.float32)
         if scene.ndim != 2 or scene.size == 0:
             raise InputError(f"radiance is an image (height, width), got shape {scene.shape}")
         if not (np.isfinite(scene).all() and float(scene.min()) >= 0.0):

@@ -77,11 +77,13 @@ def mtf50(psf: Any) -> np.ndarray:
         (2,) fractions of Nyquist, horizontal and vertical; infinite where the curve stays above up to Nyquist.
 
     Raises:
-        InputError: see `sample`.
+        InputError: several kernels at once, or see `sample`.
     """
     from scipy.optimize import brentq
 
     weights = np.asarray(psf, dtype=np.float64)
+    if weights.ndim != 2:
+        raise InputError(f"psf has shape {weights.shape}; expected one kernel (height, width)")
     # A kernel of n pixels has features no finer than 2 / n Nyquist: sixteen points on each.
     grid = np.linspace(0.0, 1.0, 8 * max(weights.shape) + 65)
     result = np.full(2, np.inf)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.arrays import as_array
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.sensor import Sensor
 from pipeline.errors import InputError
@@ -97,12 +98,15 @@ def as_image(image: ArrayLike) -> NDArray[np.float32]:
     """An image as (H, W) float32 in [0, 1]; uint8 is divided by 255, float32 is passed on unchanged.
 
     Args:
-        image: (H, W) uint8, or float in [0, 1].
+        image: (H, W) uint8, or float in [0, 1], NumPy or torch.
 
     Raises:
-        InputError: another shape or type, a value outside [0, 1] or not a number.
+        InputError: another shape or type, masked pixels, a value outside [0, 1] or not a number.
     """
-    given = np.asarray(image)
+    array = as_array(image)
+    if np.ma.is_masked(array):
+        raise InputError("image: masked pixels have no grey level; cut it to a rectangle without them")
+    given = np.asarray(array)
     if given.ndim != 2 or given.size == 0:
         raise InputError(f"an image is (height, width) grey levels, got shape {given.shape}; convert colour first")
     if given.dtype == np.uint8:

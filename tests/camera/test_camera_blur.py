@@ -155,6 +155,7 @@ def test_a_kernel_with_negative_values_is_not_clipped() -> None:
         (np.where(np.eye(9) > 0, np.nan, 0.5), np.ones((1, 1)), "reflect", "not finite"),
         (np.where(np.eye(9) > 0, -np.inf, 0.5), np.full((3, 3), 1 / 9), "zero", "not finite"),
         (torch.eye(9) * torch.nan, np.full((3, 3), 1 / 9), "reflect", "not finite"),
+        (np.ma.masked_equal(np.eye(9), 1), np.full((3, 3), 1 / 9), "reflect", "image: masked pixels"),
     ],
 )
 def test_bad_input_is_named(image, psf, boundary: str, message: str) -> None:  # type: ignore[no-untyped-def]

@@ -245,6 +245,7 @@ def test_exposure_refuses_wrong_frames_and_settings():
         ((flat(0.1), 0.01, -1.0), "gain"),
         ((flat(-0.1), 0.01, 1.0), "at least 0"),
         ((np.zeros(3, np.float32), 0.01, 1.0), "height, width"),
+        ((np.ma.masked_less(flat(0.1), 1.0), 0.01, 1.0), "radiance: masked pixels"),
     ):
         with pytest.raises(InputError, match=words):
             camera.expose(*arguments, noise_generator(1, "x"))

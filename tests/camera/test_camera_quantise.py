@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.camera.quantise import collect, digitise, full_range, to_8bit
+from pipeline.camera.quantise import as_image, collect, digitise, full_range, to_8bit
 from pipeline.camera.sensor import Sensor
+from pipeline.errors import InputError
+from pipeline.streams import stream
 
 
 def test_quantise_collect_saturates_and_keeps_whole_electrons():
@@ -53,3 +57,17 @@ def test_quantise_writes_where_it_is_told():
     assert digitise(electrons, Sensor(), out=electrons) is electrons
     assert full_range(electrons, out=electrons) is electrons
     assert electrons[0, 0] == np.float32(102) / np.float32(255)
+
+
+def test_quantise_an_image_is_the_same_as_a_tensor_with_a_gradient():
+    grey = stream(1, "image").random((6, 7)).astype(np.float32)
+    eight = to_8bit(grey)
+    np.testing.assert_array_equal(as_image(torch.from_numpy(grey).requires_grad_()), grey)
+    np.testing.assert_array_equal(as_image(torch.from_numpy(eight)), as_image(eight))
+
+
+def test_quantise_an_image_with_masked_pixels_is_refused():
+    grey = stream(1, "image").random((6, 7)).astype(np.float32)
+    with pytest.raises(InputError, match="image: masked pixels"):
+        as_image(np.ma.masked_greater(grey, 0.9))
+    np.testing.assert_array_equal(as_image(np.ma.array(grey)), grey)  # none is masked
