@@ -87,7 +87,8 @@ class Cnn(Estimator):
         with inference():
             for first in range(0, count, positions):
                 part = patches[first : first + positions, :, 0].reshape(-1, *patches.shape[3:])
-                image = torch.from_numpy(np.ascontiguousarray(part)).to(self.device)
+                # A copy where the caller's array is read-only: torch warns of these.
+                image = torch.from_numpy(np.require(part, requirements=["C", "W"])).to(self.device)
                 mtf[first : first + positions] = self.network.both_directions(image, frames).cpu().numpy()
         abstained = reason != ""
         mtf[abstained] = np.nan

@@ -152,7 +152,8 @@ def _gaussians(sigma_px: NDArray[np.float64]) -> NDArray[np.float64]:
     """Sampled Gaussians of unit sum and `_taps` taps each, in the middle of rows as long as the longest, (n, k)."""
     half = _taps(sigma_px) // 2
     offset = np.arange(-half.max(), half.max() + 1)
-    kernels = np.exp(-0.5 * (offset / np.maximum(sigma_px, LEAST_SIGMA_DN)[:, None]) ** 2)
+    with np.errstate(under="ignore"):  # far taps are 0
+        kernels = np.exp(-0.5 * (offset / np.maximum(sigma_px, LEAST_SIGMA_DN)[:, None]) ** 2)
     kernels *= np.abs(offset) <= half[:, None]
     kernels /= kernels.sum(axis=1, keepdims=True)
     return kernels

@@ -1,5 +1,7 @@
 """The paper's network: its parameters, its padding, its input, its directions, its frames."""
 
+import warnings
+
 import cv2
 import numpy as np
 import pytest
@@ -170,3 +172,18 @@ def test_its_training_runs_and_its_weights_load(tmp_path, monkeypatch):
     moved = (trained.model.stem.weight - fresh.stem.weight).detach().abs()
     assert 0 < float(moved.max()) < 2.1e-4  # two Adam steps of 1e-4
     assert Cnn(tmp_path / "cnn.safetensors").sharp_mtf is None
+
+
+def test_patches_that_may_not_be_written_to_are_read_without_a_warning(estimator, patches):
+    locked = patches.copy()
+    locked.setflags(write=False)
+    before = torch.is_warn_always_enabled()
+    torch.set_warn_always(True)  # else it warns once in a process
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            single, sequence = estimator.estimate(locked), estimator.estimate_sequences(locked[None])
+    finally:
+        torch.set_warn_always(before)
+    np.testing.assert_array_equal(single.mtf, estimator.estimate(patches).mtf)
+    np.testing.assert_array_equal(sequence.mtf, estimator.estimate_sequences(patches[None]).mtf)

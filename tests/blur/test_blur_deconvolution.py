@@ -94,6 +94,13 @@ def test_gaussian_reduction_darkens_a_constant_by_the_taps_it_dropped():
     assert resample.gaussian_reduce(np.ones((5, 5)), 1.0).shape == (5, 5)
 
 
+def test_gaussian_reduction_takes_far_taps_as_zero_for_a_program_that_stops_at_underflow():
+    image = stream(1, "taps").random((192, 192))
+    with np.errstate(all="raise"):
+        reduced = resample.gaussian_reduce(image, 0.5**0.5)
+    np.testing.assert_array_equal(reduced, resample.gaussian_reduce(image, 0.5**0.5))
+
+
 @given(seeds, st.integers(5, 13), st.integers(5, 13))
 def test_fitting_keeps_what_lies_in_the_middle(seed, before, after):
     kernel = np.zeros((before, before))

@@ -108,6 +108,13 @@ def test_noise_too_weak_for_the_filter_lies_within_the_interval(sigma_dn):
     assert estimate.high_dn.max() < 1.25 * sigma_dn
 
 
+def test_far_taps_of_the_filter_are_zero_for_a_program_that_stops_at_underflow():
+    patches = 0.5 + stream(1, "taps").normal(0, [[[[0.5 / 255]]], [[[30 / 255]]]], (2, 1, 128, 128)).clip(-0.4, 0.4)
+    expected = noise.create("bf").estimate(patches).sigma_dn
+    with np.errstate(all="raise"):
+        np.testing.assert_array_equal(noise.create("bf").estimate(patches).sigma_dn, expected)
+
+
 def test_a_patch_without_a_homogeneous_block_is_uncertain_and_not_flat():
     chessboard = 10.0 + 235 * (np.indices((128, 128)).sum(axis=0) % 2)
     estimate = noise.create("bf").estimate(chessboard[None, None] / 255)

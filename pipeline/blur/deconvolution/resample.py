@@ -93,8 +93,9 @@ def gaussian_reduce(image: NDArray[np.float64], ratio: float) -> NDArray[np.floa
     """
     if ratio == 1.0:
         return image
-    taps = np.exp(-0.5 * (np.arange(-50, 51) * 2 * np.pi) ** 2 * (ratio / np.pi) ** 2)
-    taps /= taps.sum()
+    with np.errstate(under="ignore"):  # far taps are 0
+        taps = np.exp(-0.5 * (np.arange(-50, 51) * 2 * np.pi) ** 2 * (ratio / np.pi) ** 2)
+        taps /= taps.sum()
     mass = np.cumsum(taps)
     taps = taps[np.minimum(mass, mass[::-1]) > 0.05]
     margin = len(taps) // 2
