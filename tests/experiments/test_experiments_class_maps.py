@@ -1,4 +1,4 @@
-"""What labels mean to detectors: parts of a class map are checked; words that are known but for case or plural are told."""
+"""What labels mean to detectors: class maps are checked; words known but for case or plural are told."""
 
 from __future__ import annotations
 
