@@ -292,7 +292,7 @@ def _interval(folder: Path, copies: int, **options: object) -> tuple[float, floa
             write(root / f"images/place{place}_{shot}.png", np.full((200, 200), 40 * place, np.uint8))
             (root / "labels").mkdir(exist_ok=True)
             (root / f"labels/place{place}_{shot}.txt").write_text("car 20 20 90 90\n")
-    (folder / "tiny.onnx").write_bytes(b"not opened")
+    tiny_yolox(folder / "tiny.onnx", "side")  # asked for its words, not for detections
     config = configured(folder, name="folder")
     config.datasets["folder"].options.update(options)
     config.detection.sweep.sizes_px[:], config.detection.sweep.target_sigmas_dn[:] = [0], [0.0]
@@ -319,7 +319,7 @@ def test_the_interval_of_an_ap_is_over_scenes_that_names_of_ones_own_frames_tell
         seen = frame.name[:6] in ("place0", "place1", "place3")
         boxes, score, label = ([[20.0, 20, 90, 90]], [0.9], ["car"]) if seen else (np.zeros((0, 4)), [], [])
         return {"level": np.zeros(len(score)), "boxes": np.asarray(boxes), "score": np.asarray(score),
-                "label": np.asarray(label, np.str_)}  # fmt: skip
+                "label": np.asarray(label, np.str_), "other": np.array([], np.str_)}  # fmt: skip
 
     monkeypatch.setattr(sweep.Sweep, "detect", look)
     single = _interval(tmp_path / "single", 1)
