@@ -17,14 +17,13 @@ import pandas as pd
 import pytest
 import yaml
 from data_makers import make_folder, make_kitti, make_udacity, write
-from plug_in_makers import SPOTS, Darkening, plug_in
+from plug_in_makers import Darkening
 from yolox_makers import LABELS, tiny_yolox
 
 from pipeline import store
 from pipeline.camera.settings import CameraSettings
-from pipeline.config.compose import compose, parse
+from pipeline.config.compose import compose
 from pipeline.config.hydra_plugins import plug_in_sources
-from pipeline.config.references import check_references
 from pipeline.config.schema import Config, validate
 from pipeline.curves import precision
 from pipeline.datasets import open_dataset
@@ -358,48 +357,6 @@ def test_all_detections_of_the_classes_are_kept_and_other_words_told(
     assert sweep.words_of([piece, piece]) == {"tree", "car", "person"}
 
 
-CALLING = """
-import numpy as np
-from pipeline.detection.base import Detections, each_image
-
-
-class Calling:
-    def __init__(self, words):
-        self.words = words
-
-    def detect(self, images):
-        count = len(self.words)
-        return [Detections.of(np.tile([0.0, 0, 9, 9], (count, 1)), np.full(count, 0.5), self.words) for _ in images]
-"""
-
-
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        ("[Car, Pedestrian]", ""),
-        ("[car, Pedestrian]", "warning: detector 'calling' on 'kitti': it calls no detection 'person'; its words are"),
-        ("[car]", None),
-    ],
-)
-def test_a_sweep_tells_classes_that_a_detector_calls_otherwise(
-    words: str, told: str | None, data: Path, tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
-    plug_in(tmp_path, monkeypatch, "calling_of_mine", CALLING, detection="calling = calling_of_mine:Calling")
-    config = _with_own(data, f"{{kind: calling, options: {{words: {words}}}}}")
-    index.run.run(config, {"dataset": "kitti"}, tmp_path, tmp_path)
-    detector.run.run(config, {"detector": "mine"}, tmp_path, tmp_path)
-    job = {"dataset": "kitti", "detector": "mine"}
-    if told == "":
-        expected = "'calling' on 'kitti'.* no detection 'car' or 'person'; its words are 'Car', 'Pedestrian'.*_classes"
-        with pytest.raises(InputError, match=expected):
-            detect.run.run(config, job, tmp_path, tmp_path)
-    else:
-        detect.run.run(config, job, tmp_path, tmp_path)
-        printed = capsys.readouterr().err
-        assert told in printed if told else "warning" not in printed
-
-
 def test_a_name_too_long_for_a_file_is_looked_at_as_others_are(data: Path, once: Path, tmp_path: Path) -> None:
     """A stem of 240 bytes leaves no room for a kernel in a file name of 255."""
     make_kitti(tmp_path / "kitti", frames=1)
@@ -435,91 +392,3 @@ def test_other_weights_are_noticed(data: Path, once: Path, tmp_path: Path) -> No
     about = json.loads((once / "data/detector/tiny/detector.json").read_text())
     assert about["sha256"] == hashlib.sha256((data / "tiny.onnx").read_bytes()).hexdigest()
     assert about["kind"] == "yolox"
-
-
-def _with_own(data: Path, section: str = "{kind: spots}") -> Config:
-    """As `configured`, with a third party's detector in the place of the tiny one."""
-    override = f"+detection.detectors.mine={section}"
-    content = yaml.safe_load(compose(["profile=smoke", "executor.workers=1", override], ROOT / "conf"))
-    given = configured(data).model_dump(by_alias=True)
-    content["datasets"], content["detection"]["sweep"] = given["datasets"], given["detection"]["sweep"]
-    content["detection"] |= {"detectors": {"mine": content["detection"]["detectors"]["mine"]}, "datasets": ["kitti"]}
-    content["matrix"] |= {"datasets": ["kitti"], "detectors": ["mine"], "detection_datasets": ["kitti"]}
-    content["control"]["detector"] = "mine"
-    content["by_kind"]["detection"] = {"other": content["by_kind"]["detection"]["other"]}
-    return validate(content)
-
-
-def test_a_third_partys_detector_without_weights_enters_the_study(
-    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    module = plug_in(tmp_path, monkeypatch, "spots_of_mine", SPOTS, detection="spots = spots_of_mine:Spots")
-    config = _with_own(data)
-    assert config.by_kind["detection"]["other"] == {"mine": str(module)}  # so that DVC notices an edit of it
-    index.run.run(config, {"dataset": "kitti"}, tmp_path, tmp_path)
-    detector.run.run(config, {"detector": "mine"}, tmp_path, tmp_path)
-    about = store.read_json(tmp_path / "data/detector/mine/detector.json")
-    assert about["sha256"] == hashlib.sha256(module.read_bytes()).hexdigest() and about["source"] == module.name
-    detect.run.run(config, {"dataset": "kitti", "detector": "mine"}, tmp_path, tmp_path)
-    table = store.read_table(tmp_path / "data/detect/kitti-mine/detections.parquet", sweep.DETECTIONS)
-    assert len(table) == 2 * KERNELS * len(LEVELS) and set(table["x2"]) == {30.0}
-
-
-@pytest.mark.parametrize(
-    ("override", "words"),
-    [
-        ("+detection.detectors.mine={kind: spots, options: {side_px: 9}}", ""),
-        ("+detection.detectors.mine={kind: spots, weights: a.onnx}", "mine.weights: 'spots' takes no weights"),
-        ("+detection.detectors.mine={kind: spots, options: {side: 9}}", "options.side: unknown option of 'spots'"),
-    ],
-)
-def test_weights_and_options_of_a_third_partys_detector_are_checked_when_compiling(
-    override: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    plug_in(tmp_path, monkeypatch, "spots_of_mine", SPOTS, detection="spots = spots_of_mine:Spots")
-    config = parse(compose([override], ROOT / "conf"), "conf/")
-    monkeypatch.chdir(ROOT)
-    if not words:
-        return check_references(config)
-    with pytest.raises(InputError, match=words):
-        check_references(config)
-    return None
-
-
-def test_after_an_edit_of_a_helper_module_a_killed_sweep_begins_anew(
-    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Its pieces of before the edit would be mixed with those of after it."""
-    helper = tmp_path / "edited_spots/helper.py"
-    helper.parent.mkdir()
-    helper.write_text("SIDE = 30\n")
-    text = SPOTS.replace("side_px=30", "side_px=None").replace("self.side_px = side_px", "self.side_px = SIDE")
-    (helper.parent / "__init__.py").write_text(f"from edited_spots.helper import SIDE\n{text}")
-    plug_in(tmp_path, monkeypatch, "edited_spots_module", "", detection="spots = edited_spots:Spots")
-    config, made = _with_own(data), []
-    load_or_compute = checkpoint.load_or_compute
-
-    def killed(*arguments: Any) -> Any:
-        if len(made) == 3:
-            raise KeyboardInterrupt
-        made.append(load_or_compute(*arguments))
-        return made[-1]
-
-    def run_again() -> None:
-        for name in [name for name in sys.modules if name.startswith("edited_spots")]:
-            del sys.modules[name]
-        sweep.opened.cache_clear()
-        detect.run.run(config, {"dataset": "kitti", "detector": "mine"}, tmp_path, tmp_path)
-
-    index.run.run(config, {"dataset": "kitti"}, tmp_path, tmp_path)
-    detector.run.run(config, {"detector": "mine"}, tmp_path, tmp_path)
-    before = store.read_json(tmp_path / "data/detector/mine/detector.json")
-    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
-        patched.setattr(checkpoint, "load_or_compute", killed)
-        run_again()
-    helper.write_text("SIDE = 50\n\n")
-    run_again()
-    table = store.read_table(tmp_path / "data/detect/kitti-mine/detections.parquet", sweep.DETECTIONS)
-    assert set(table["x2"]) == {50.0}
-    detector.run.run(config, {"detector": "mine"}, tmp_path, tmp_path)  # so that what depends on it runs again
-    assert store.read_json(tmp_path / "data/detector/mine/detector.json") != before
