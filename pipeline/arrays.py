@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from pipeline.errors import InputError
+
 HALF_BYTES = 2
 """Size of a half-precision float. NumPy has no bfloat16, and estimators compute in no less than single precision."""
 
@@ -23,3 +25,19 @@ def as_array(values: Any) -> Any:
     if tensor.is_floating_point() and tensor.element_size() <= HALF_BYTES:
         tensor = tensor.float()
     return tensor.numpy()
+
+
+def refuse_masked(values: Any, name: str) -> None:
+    """Refuse an image with masked pixels.
+
+    Args:
+        values: the image.
+        name: in the message, as ``"image"``.
+
+    Raises:
+        InputError: it has some.
+    """
+    import numpy as np
+
+    if np.ma.is_masked(values):
+        raise InputError(f"{name}: masked pixels have no grey level; cut it to a rectangle without them")

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from pipeline.arrays import refuse_masked
 from pipeline.camera.psf.kernel import checked_psf, trimmed
 from pipeline.errors import InputError, did_you_mean
 
@@ -59,8 +60,7 @@ def blur(image: Image, psf: np.ndarray, boundary: str = "reflect") -> Image:
     count = shape[0] if len(shape) == 4 else 1
     kernels = _kernels(psf, count)
     if isinstance(image, np.ndarray):
-        if np.ma.is_masked(image):
-            raise InputError("image: masked pixels would spread; cut it to a rectangle without them")
+        refuse_masked(image, "image")
         if not np.issubdtype(image.dtype, np.floating):
             raise InputError(f"image is {image.dtype}; expected floating point in [0, 1]: divide 8-bit values by 255")
         planes = np.ascontiguousarray(image, dtype=np.float32).reshape(count, *shape[-2:])

@@ -23,7 +23,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.arrays import as_array
+from pipeline.arrays import as_array, refuse_masked
 from pipeline.camera import draws
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.psf import create as create_psf
@@ -158,8 +158,7 @@ class Camera:
             InputError: radiance, time or light out of range, or masked pixels.
         """
         array = as_array(radiance)
-        if np.ma.is_masked(array):
-            raise InputError("radiance: masked pixels have none; cut the image to a rectangle without them")
+        refuse_masked(array, "radiance")
         scene = np.asarray(array, dtype=np.float32)
         if scene.ndim != 2 or scene.size == 0:
             raise InputError(f"radiance is an image (height, width), got shape {scene.shape}")

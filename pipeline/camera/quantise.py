@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.arrays import as_array
+from pipeline.arrays import as_array, refuse_masked
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.sensor import Sensor
 from pipeline.errors import InputError
@@ -104,8 +104,7 @@ def as_image(image: ArrayLike) -> NDArray[np.float32]:
         InputError: another shape or type, masked pixels, a value outside [0, 1] or not a number.
     """
     array = as_array(image)
-    if np.ma.is_masked(array):
-        raise InputError("image: masked pixels have no grey level; cut it to a rectangle without them")
+    refuse_masked(array, "image")
     given = np.asarray(array)
     if given.ndim != 2 or given.size == 0:
         raise InputError(f"an image is (height, width) grey levels, got shape {given.shape}; convert colour first")

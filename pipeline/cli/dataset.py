@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Set
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,6 +36,7 @@ def command(kind: str, root: Path | None, max_rejected_fraction: float) -> None:
     that would be set aside and why.
     """
     from pipeline.datasets import open_dataset
+    from pipeline.datasets.passed_over import files_below
     from pipeline.datasets.pictures import SUFFIXES
     from pipeline.datasets.quarantine import scan
     from pipeline.experiments.class_maps import mistaken_words
@@ -75,27 +76,18 @@ def other_formats(root: Path) -> Counter[str]:
     """How many pictures below a dataset's folder are of formats that datasets pass over, by suffix.
 
     Args:
-        root: the folder; see `files_below`.
+        root: the folder; see `pipeline.datasets.passed_over.files_below`.
     """
     from pipeline.cli.pictures import PICTURES, UNREAD
+    from pipeline.datasets.passed_over import files_below
     from pipeline.datasets.pictures import SUFFIXES
 
     return Counter(path.suffix.lower() for path in files_below(root, (PICTURES | UNREAD) - SUFFIXES))
 
 
-def files_below(folder: Path, suffixes: Set[str]) -> list[Path]:
-    """Files in a folder and its sub-folders, sorted; hidden ones and those of hidden sub-folders do not count.
-
-    Args:
-        folder: the folder.
-        suffixes: in lower case.
-    """
-    files = (path for path in folder.rglob("[!.]*") if path.suffix.lower() in suffixes and path.is_file())
-    return sorted(path for path in files if not any(part[0] == "." for part in path.relative_to(folder).parts))
-
-
 def pictures_beside(root: Path, searched: Path) -> list[Path]:
     """Pictures of a dataset's folder that are not in the sub-folder that its frames are read from; none without one."""
+    from pipeline.datasets.passed_over import files_below
     from pipeline.datasets.pictures import SUFFIXES
 
     return [path for path in files_below(root, SUFFIXES) if not path.is_relative_to(searched)]

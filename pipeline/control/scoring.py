@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from pipeline.cluster_intervals import bias_corrected
 from pipeline.control.views import View
-from pipeline.detection.average_precision import evaluate, mean_over_classes
+from pipeline.detection.average_precision import class_mean
 from pipeline.detection.base import Detections
 from pipeline.detection.classes import CLASS_MAPS, ClassMap
 from pipeline.streams import stream
@@ -63,13 +64,7 @@ def average_precision(
     """
     truths = [words.truth(view.boxes, criteria.min_height_px, criteria.min_visible_fraction) for view in seen]
     root = generator.integers(0, 2**63, dtype=np.uint64)
-    by_class = [
-        evaluate(
-            detections, truths, [label], criteria.rule, criteria.iou_threshold, stream(int(root), "viewpoints"),
-            criteria.bootstrap_draws, [view.viewpoint for view in seen],
-        )[label]
-        for label in words.classes
-    ]  # fmt: skip
-    mean = mean_over_classes(by_class)
+    resample, viewpoints = partial(stream, int(root), "viewpoints"), [view.viewpoint for view in seen]
+    mean = class_mean(detections, truths, words.classes, criteria, resample, viewpoints)
     low, high = bias_corrected(mean.draws, mean.ap_percent, mean.clusters, bounds=(0.0, 100.0))
     return Score(mean.ap_percent, low, high, mean.objects, mean.draws, mean.clusters)

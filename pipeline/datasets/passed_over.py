@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
+from collections.abc import Set
 from pathlib import Path
 
 from pipeline.datasets.pictures import SUFFIXES
@@ -37,10 +37,15 @@ def what_lies_there(root: Path, searched: Path) -> str:
 
 def pictures_by_folder(root: Path) -> Counter[Path]:
     """How many pictures lie directly in each folder below one, and in itself; hidden ones do not count."""
-    counts: Counter[Path] = Counter()
-    for folder, below, files in os.walk(root):
-        below[:] = sorted(name for name in below if name[0] != ".")
-        count = sum(name[0] != "." and Path(name).suffix.lower() in SUFFIXES for name in files)
-        if count:
-            counts[Path(folder)] = count
-    return counts
+    return Counter(sorted(path.parent for path in files_below(root, SUFFIXES)))
+
+
+def files_below(folder: Path, suffixes: Set[str]) -> list[Path]:
+    """Files in a folder and its sub-folders, sorted; hidden ones and those of hidden sub-folders do not count.
+
+    Args:
+        folder: the folder.
+        suffixes: in lower case.
+    """
+    files = (path for path in folder.rglob("[!.]*") if path.suffix.lower() in suffixes and path.is_file())
+    return sorted(path for path in files if not any(part[0] == "." for part in path.relative_to(folder).parts))

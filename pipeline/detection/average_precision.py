@@ -12,8 +12,9 @@ Intervals are those of a bootstrap over scenes (`pipeline.cluster_intervals`), w
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,9 @@ from pipeline.detection.matching import (
     match,
 )
 from pipeline.errors import InputError
+
+if TYPE_CHECKING:
+    from pipeline.detection.settings import EvaluationSettings
 
 COCO_RECALLS = np.linspace(0.0, 1.0, 101)
 
@@ -95,7 +99,7 @@ def evaluate(
         rule: ``"paper"`` or ``"coco"``.
         iou_threshold: least intersection over union of a right detection, in (0, 1].
         generator: for the bootstrap over images; None leaves the intervals out. Classes draw from it in turn, so that
-            each resamples other images; for a mean over classes (`mean_over_classes`) judge each by an equal generator.
+            each resamples other images; `class_mean` resamples the same.
         draws: resamples.
         groups: one word per image; images of one group are no independent samples and are resampled together. None
             resamples images.
@@ -165,6 +169,37 @@ def mean_over_classes(results: Collection[ClassResult]) -> MeanResult:
         min((result.clusters for result in known), default=0),
         sum(result.objects for result in known),
     )
+
+
+def class_mean(
+    detections: Sequence[Detections],
+    truths: Sequence[GroundTruth],
+    labels: Sequence[str],
+    criteria: EvaluationSettings,
+    generator: Callable[[], np.random.Generator],
+    groups: Sequence[str],
+) -> MeanResult:
+    """Mean of the average precision over classes, each of the same resamples.
+
+    Args:
+        detections: one entry per image.
+        truths: one entry per image, in the same order.
+        labels: the classes.
+        criteria: ``detection.evaluation`` of the configuration.
+        generator: makes the generator of the bootstrap, an equal one at every call.
+        groups: see `evaluate`.
+
+    Raises:
+        InputError: see `evaluate`.
+    """
+    by_class = [
+        evaluate(
+            detections, truths, [label], criteria.rule, criteria.iou_threshold, generator(), criteria.bootstrap_draws,
+            groups,
+        )[label]
+        for label in labels
+    ]  # fmt: skip
+    return mean_over_classes(by_class)
 
 
 def mean_average_precision(results: Iterable[ClassResult]) -> float:

@@ -48,19 +48,19 @@ def _check_classes(kind: str, classes: Any) -> None:
 
 
 def _check_neighbours(kind: str, neighbours: Any, classes: Mapping[str, str]) -> None:
-    """Each names classes that are judged, and is none of the words that stand for one: else it has no effect."""
+    """Each names classes of ``detector_classes`` and is none of its words: else it has no effect."""
     key = f"datasets of kind '{kind}': detector_neighbours"
-    judged = sorted(set(classes.values()))
+    targets = sorted(set(classes.values()))
     if not isinstance(neighbours, Mapping):
-        raise InputError(f"{key} is {neighbours!r}, expected a mapping as {{'van': ('{judged[0]}',)}}")
+        raise InputError(f"{key} is {neighbours!r}, expected a mapping as {{'van': ('{targets[0]}',)}}")
     for word, ignored in neighbours.items():
         if word in classes:
             raise InputError(f"{key}: '{word}' stands for '{classes[word]}' in detector_classes; leave it out of one")
-        known = isinstance(ignored, (tuple, list)) and ignored and all(label in judged for label in ignored)
+        known = isinstance(ignored, (tuple, list)) and ignored and all(label in targets for label in ignored)
         if not known:
             raise InputError(
                 f"{key}[{word!r}] is {ignored!r}, expected a tuple of classes of detector_classes "
-                f"({', '.join(judged)}), as ('{judged[0]}',)"
+                f"({', '.join(targets)}), as ('{targets[0]}',)"
             )
 
 

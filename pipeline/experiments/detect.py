@@ -120,9 +120,9 @@ class Sweep:
         }
 
 
-def words_of(found: Sequence[Mapping[str, NDArray[Any]]]) -> set[str]:
+def words_of(pieces: Sequence[Mapping[str, NDArray[Any]]]) -> set[str]:
     """The labels of all detections, of the classes or not, in what `Sweep.detect` gave."""
-    return {str(word) for piece in found for key in ("label", "other") for word in np.unique(piece[key])}
+    return {str(word) for piece in pieces for key in ("label", "other") for word in np.unique(piece[key])}
 
 
 def options_of(section: DetectorSettings) -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from pipeline.camera.truth import LIGHTS, ORDERS
 from pipeline.cluster_intervals import NO_INTERVAL, bias_corrected, resamples
 from pipeline.datasets.frame import Frame
 from pipeline.datasets.selection import scenes_of
-from pipeline.detection.average_precision import MeanResult, evaluate, mean_over_classes
+from pipeline.detection.average_precision import MeanResult, class_mean
 from pipeline.detection.base import Detections
 from pipeline.detection.classes import ClassMap
 from pipeline.detection.inference import detections_in
@@ -170,14 +170,8 @@ def precisions(
     for number in range(len(chosen)):
         parts = [each[number] for each in found]
         detected = [Detections.of(part["boxes"], part["score"], part["label"]) for part in parts]
-        by_class = [
-            evaluate(
-                detected, truths, [label], criteria.rule, criteria.iou_threshold, stream(seed, "order study"),
-                criteria.bootstrap_draws, scenes,
-            )[label]
-            for label in words.classes
-        ]  # fmt: skip
-        scores.append(mean_over_classes(by_class))
+        resample = partial(stream, seed, "order study")
+        scores.append(class_mean(detected, truths, words.classes, criteria, resample, scenes))
     return scores
 
 

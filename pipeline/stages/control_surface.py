@@ -55,8 +55,8 @@ def run(run: Run) -> None:
     measured = dict(zip(work, run.map(measure, work, "surface for control"), strict=True))
     criteria = params.detection.evaluation
     words = {str(label) for part in measured.values() for label in part["label"]}
-    judged = (detector.kind, json.dumps(options, sort_keys=True), CLASS_MAPS["sim"].classes)
-    for warning in check_words(*judged, words, "sim"):
+    classes = CLASS_MAPS["sim"].classes
+    for warning in check_words(detector.kind, json.dumps(options, sort_keys=True), classes, words, "sim"):
         print(f"warning: {warning}", file=sys.stderr)
     rows = []
     with store.replacing_folder(run.outputs / "data/control_surface") as out:

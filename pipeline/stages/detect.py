@@ -61,10 +61,10 @@ def run(run: Run) -> None:
     key = checkpoint.fingerprint((detect.__name__, "pipeline.datasets.frame"), about_run, section.kind)
     folder = run.inputs / ".cache/detect" / key
     work = [(frame, kernel) for frame in frames for kernel in blurs]
-    judged = (section.kind, sweep.options, sweep.classes)
-    warnings = check_words(*judged, (), dataset)  # at once, of a detector that states its words
+    check = partial(check_words, section.kind, sweep.options, sweep.classes, dataset=dataset)
+    warnings = check(())  # at once, of a detector that states its words
     result = run.map(partial(detect_frame, sweep=sweep, folder=folder), work, f"{name} on {dataset}")
-    for warning in warnings or check_words(*judged, detect.words_of(result), dataset):
+    for warning in warnings or check(detect.words_of(result)):
         print(f"warning: {warning}", file=sys.stderr)
     detections, looked = detect.tables(work, result, sweep, scenes_of(frames))
     with store.replacing_folder(run.outputs / f"data/detect/{dataset}-{name}") as out:
