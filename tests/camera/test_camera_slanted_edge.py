@@ -150,6 +150,26 @@ def test_the_contrast_lost_in_bins_and_differences_is_restored(tilt_deg):
     np.testing.assert_allclose(measure(picture).mtf / expected, 1, atol=0.006)
 
 
+@pytest.mark.parametrize(("size", "noise_dn"), [((120, 100), 5.0), ((60, 60), 8.0), ((200, 120), 10.0)])
+def test_the_standard_error_is_the_spread_between_noisy_pictures(size, noise_dn):
+    clean, generator = edge(1.0, size=size), stream(0, "edge error", *size)
+    edges = [measure(clean + generator.normal(0, noise_dn / 255, clean.shape)) for _ in range(40)]
+    spread = np.std([one.mtf for one in edges], axis=0)
+    stated = np.mean([one.error for one in edges], axis=0)
+    assert np.sqrt(np.mean(spread**2)) == pytest.approx(np.sqrt(np.mean(stated**2)), rel=0.2)
+    assert (spread < 1.5 * stated).all() and (stated < 1.6 * spread).all()
+    assert measure(clean).error.max() < 0.005
+
+
+def test_light_that_changes_along_the_edge_is_no_error_and_across_it_is_one_of_the_mtf():
+    clean = edge(1.0, size=(120, 120))
+    ramp = np.linspace(-0.5, 0.5, 120)
+    along = measure(clean * (1 + 0.3 * ramp[:, None]))
+    assert along.error.max() < 0.01 and np.abs(along.mtf - measure(clean).mtf).max() < 0.005
+    across = measure(clean * (1 + 0.1 * ramp[None])).mtf - measure(clean).mtf
+    assert -0.03 < across[0] < -0.02 and (across < 0).all()  # it grows towards the bright side; docs/limits.md
+
+
 def test_noise_costs_little():
     np.testing.assert_allclose(measure(edge(0.9, noise_dn=3.0, size=(240, 120))).mtf, truth(0.9), atol=0.05)
 
