@@ -89,6 +89,22 @@ def test_noise_averages_out(points: np.ndarray) -> None:
     assert np.abs(result - mtf.sample(psf)).max() < 0.06
 
 
+@pytest.mark.parametrize("black_and_white", [False, True])
+def test_the_standard_error_is_the_spread_between_noisy_pictures(black_and_white: bool) -> None:
+    amplitude = 5.0 if black_and_white else 0.3
+    clean = blur(np.clip(synthesise(520, 520, 36, amplitude=amplitude), 0.2, 0.8), create("gaussian", 3))
+    drawn = streams.stream(0, "star error", black_and_white)
+    results = [
+        star.measure_mtf_with_error(
+            clean + drawn.normal(0, 12 / 255, clean.shape), (259.5, 259.5), 36, amplitude=AMPLITUDE
+        )
+        for _ in range(16)
+    ]
+    spread = np.std([contrast for contrast, _ in results], axis=0)
+    stated = np.mean([error for _, error in results], axis=0)
+    assert np.sqrt(np.mean(spread**2)) == pytest.approx(np.sqrt(np.mean(stated**2)), rel=0.25)
+
+
 def test_the_rays_of_a_star_are_counted() -> None:
     image = synthesise(520, 520, 36, supersample=2)
     for expected in (34, 36, 38):
