@@ -58,13 +58,15 @@ def command(
     counts as full.
 
     Warns of pictures that do not look sharp, and of those without a patch that can be measured, which it leaves out;
-    refuses pictures without contrast at most frequencies, charts clipped at black or white, and a star whose number of
-    rays is not that of --rays.
+    refuses pictures without contrast at most frequencies, charts clipped at black or white or with too much noise for
+    their contrast and size, and a star whose number of rays is not that of --rays. Warns of a camera that sharpens,
+    whose MTF exceeds 1; it is stored as 1 there.
 
-    Prints the MTF of the camera and the file, which is in the user's configuration folder (CAMERA_MONITOR_HOME).
+    Prints the MTF of the camera, of a chart as measured, and the file, which is in the user's configuration folder
+    (CAMERA_MONITOR_HOME).
     """
     from pipeline.cli import camera_store
-    from pipeline.cli.charts import edge_mtf, star_mtf
+    from pipeline.cli.charts import edge_mtf, star_mtf, storable
     from pipeline.cli.package_version import version
     from pipeline.cli.pictures import expand, read
     from pipeline.errors import InputError
@@ -81,18 +83,19 @@ def command(
     frames = [(file, image) for path in expand(paths) for file, image, _ in read(path)]
     if chart is None:
         _refuse_other_sizes(frames)
+        measured = None
         stored = _from_scenes(name, frames, blur_name, calibrate_estimator)
     else:
-        mtf = edge_mtf(frames, areas) if rays is None else star_mtf(frames, rays)
-        _refuse_without_contrast(mtf, f"the {chart} chart", "focus the camera on it", MOST_EMPTY_FRACTION)
+        measured = edge_mtf(frames, areas) if rays is None else star_mtf(frames, rays)
+        _refuse_without_contrast(measured, f"the {chart} chart", "focus the camera on it", MOST_EMPTY_FRACTION)
         stored = camera_store.StoredCamera(
             name=name, kind=f"{chart} chart", blur_estimator=blur_name, weights_sha256={}, size_px=None,
-            frames=len(frames), sharp_mtf=mtf.tolist(), fit=None, version=version(),
+            frames=len(frames), sharp_mtf=storable(measured).tolist(), fit=None, version=version(),
         )  # fmt: skip
     replaced = camera_store.path_of(name).is_file()
     file = camera_store.save(stored)  # before anything is printed: a full or closed output loses nothing
     if stored.sharp_mtf is not None:
-        _print_mtf(stored.sharp_mtf)
+        _print_mtf(stored.sharp_mtf if measured is None else measured.tolist())
     if stored.fit is not None:
         before, after = stored.fit["error_percent"]
         samples = stored.fit["samples"]

@@ -12,37 +12,38 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-LEAST_MTF = 0.05  # an MTF is not taken below this: it is noise there
+LEAST_MTF = 0.05  # an MTF is not stored below this: it is noise there
+MOST_ERROR = 0.05  # standard error of a value of the MTF
 CIRCLES = (1.0, 0.75, 0.5)  # on which the rays of a star are counted, of the circle of its lowest frequency
 LEAST_EXPLAINED = 0.5  # of the variance along each of them; of black and white rays it is 0.8, of other pictures < 0.25
 LEAST_AGREEMENT = 0.7  # correlation of the rays on neighbouring circles
+MOST_WITHOUT_SHARPENING = 1.05  # an MTF above it is told
 LEAST_STAR_AMPLITUDE = 0.02  # of the rays at the lowest frequency, of full scale
 
 
 def edge_mtf(
     frames: list[tuple[str, NDArray[np.float32]]], areas: tuple[tuple[int, int, int, int], ...]
 ) -> NDArray[np.float64]:
-    """(2, 8) MTF from slanted edges, the mean of those of each axis.
+    """(2, 8) MTF from slanted edges as measured, the mean of those of each axis; above 1 where the camera sharpens.
 
-    That of a camera that sharpens may exceed 1, where it is stored as 1: estimators report 1 at most, so that division
-    by more would find blur in the camera's own sharp frames. Warns of edges tilted so far that it is right for round
-    blur only.
+    Warns of edges tilted so far that it is right for round blur only.
 
     Args:
         frames: names and pictures (H, W) in [0, 1].
         areas: (x, y, width, height) px of the edges in every picture; none for the whole picture.
 
     Raises:
-        InputError: an area outside of a picture, no slanted edge, one clipped at black or white, or none of one axis.
+        InputError: an area outside of a picture, no slanted edge, one clipped at black or white, none of one axis, or
+            edges too faint, too noisy or too short (`MOST_ERROR`).
     """
     import click
     import numpy as np
 
     from pipeline.camera.mtf import DIRECTIONS
-    from pipeline.camera.slanted_edge import ROUND_BLUR_TILT_DEG, measure
+    from pipeline.camera.slanted_edge import ROUND_BLUR_TILT_DEG, EdgeMtf, measure
     from pipeline.errors import InputError
 
-    curves: dict[str, list[NDArray[np.float64]]] = {direction: [] for direction in DIRECTIONS}
+    edges: dict[str, list[EdgeMtf]] = {direction: [] for direction in DIRECTIONS}
     for name, image in frames:
         for x, y, width, height in areas or [(0, 0, image.shape[1], image.shape[0])]:
             if x + width > image.shape[1] or y + height > image.shape[0]:
@@ -51,7 +52,7 @@ def edge_mtf(
                 edge = measure(image[y : y + height, x : x + width])
             except InputError as error:
                 raise InputError(f"{name}: {error}") from None
-            curves[edge.direction].append(edge.mtf)
+            edges[edge.direction].append(edge)
             if edge.tilt_deg > ROUND_BLUR_TILT_DEG:
                 click.echo(
                     f"warning: {name}: edge: tilted by {edge.tilt_deg:.0f} degrees; beyond {ROUND_BLUR_TILT_DEG:g} its "
@@ -59,14 +60,62 @@ def edge_mtf(
                     err=True,
                 )
     for direction, tilt in zip(DIRECTIONS, ("vertical", "horizontal"), strict=True):
-        if not curves[direction]:
+        if not edges[direction]:
             raise InputError(f"no nearly {tilt} edge, which gives the {direction} MTF; add one by a picture or --area")
-    mtf = np.stack([np.mean(curves[direction], axis=0) for direction in DIRECTIONS])
-    return np.clip(mtf, LEAST_MTF, 1.0)  # estimates of sharpened frames end at 1 too
+    curves, errors = (
+        [np.array([getattr(edge, name) for edge in edges[direction]]) for direction in DIRECTIONS]
+        for name in ("mtf", "error")
+    )
+    _refuse_noisy("edge", errors, "take longer edges, of more contrast, or more pictures of them")
+    return np.stack([curve.mean(axis=0) for curve in curves])
+
+
+def storable(mtf: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The MTF of a chart as estimates are divided by it, `LEAST_MTF` to 1; warns of overshoot.
+
+    Estimates end at 1 and see little of sharpening: those of KITTI and Penn-Fudan frames behind a disc of 3 px, then an
+    unsharp mask of 1 px and amount 1, lie .04 from the MTF of the disc; divided by the mask's they lie .15 from it, and
+    the camera's own sharp frames would look blurred.
+
+    Args:
+        mtf: (2, 8) as measured.
+    """
+    import click
+    import numpy as np
+
+    if mtf.max() > MOST_WITHOUT_SHARPENING:
+        click.echo(
+            f"warning: overshoot to {mtf.max():.2f}: the camera sharpens; stored as 1.00 where the MTF is above, since "
+            "estimates end there",
+            err=True,
+        )
+    return np.clip(mtf, LEAST_MTF, 1.0)
+
+
+def _refuse_noisy(subject: str, errors: list[NDArray[np.float64]], mend: str) -> None:
+    """Raises InputError where noise of the pictures makes an MTF unsure.
+
+    Args:
+        subject: edge or star.
+        errors: of both axes, (N, 8) standard errors of the MTF in N edges or pictures, of which the mean is stored.
+        mend: what to do.
+    """
+    import numpy as np
+
+    from pipeline.camera.mtf import DIRECTIONS, FREQUENCIES
+    from pipeline.errors import InputError
+
+    for direction, error in zip(DIRECTIONS, errors, strict=True):
+        of_mean = np.sqrt(np.square(error).sum(axis=0)) / len(error)
+        if of_mean.max() > MOST_ERROR:
+            raise InputError(
+                f"--chart {subject}: the {direction} MTF is too noisy: standard error {of_mean.max():.2f} at "
+                f"{FREQUENCIES[of_mean.argmax()]:.2f} of Nyquist, expected at most {MOST_ERROR:g}; {mend}"
+            )
 
 
 def star_mtf(frames: list[tuple[str, NDArray[np.float32]]], rays: int) -> NDArray[np.float64]:
-    """(2, 8) MTF from Siemens stars, relative to its lowest frequency, the mean over pictures.
+    """(2, 8) MTF from Siemens stars as measured, relative to its lowest frequency, the mean over pictures.
 
     Args:
         frames: names and pictures (H, W) in [0, 1].
@@ -74,7 +123,8 @@ def star_mtf(frames: list[tuple[str, NDArray[np.float32]]], rays: int) -> NDArra
 
     Raises:
         InputError: an odd or too small number of rays, a star too small for the lowest frequency, with too little
-            contrast, clipped at black or white, or with another number of rays, or no star.
+            contrast or too much noise (`MOST_ERROR`), clipped at black or white, or with another number of rays, or no
+            star.
     """
     import numpy as np
 
@@ -89,7 +139,7 @@ def star_mtf(frames: list[tuple[str, NDArray[np.float32]]], rays: int) -> NDArra
             f"--rays {rays}: expected at least {star.LEAST_PERIODS}; fewer are too coarse for the highest frequency "
             "but a few pixels from the centre; use a star of more rays"
         )
-    curves = []
+    curves, errors = [], []
     for name, image in frames:
         try:
             centre_px = point_of_symmetry(image)
@@ -100,14 +150,19 @@ def star_mtf(frames: list[tuple[str, NDArray[np.float32]]], rays: int) -> NDArra
             star.check_clipping(image, centre_px, rays)
         except InputError as error:
             raise InputError(f"{name}: {error}") from None
-        contrast = star.measure_mtf(image, centre_px, rays, amplitude=1.0)
+        contrast, uncertain = star.measure_mtf_with_error(image, centre_px, rays, amplitude=1.0)
         if contrast[:, 0].min() < LEAST_STAR_AMPLITUDE:
             raise InputError(
                 f"{name}: the rays of the star differ by {510 * contrast[:, 0].min():.0f} DN; expected at least "
                 f"{510 * LEAST_STAR_AMPLITUDE:.0f}; light the chart better or expose longer"
             )
-        curves.append(contrast / contrast[:, :1])
-    return np.clip(np.mean(curves, axis=0), LEAST_MTF, 1.0)
+        curve = contrast / contrast[:, :1]
+        curves.append(curve)
+        relative = np.hypot(uncertain, curve * uncertain[:, :1]) / contrast[:, :1]
+        errors.append(np.where(np.arange(relative.shape[1]) > 0, relative, 0.0))  # exactly 1 at the lowest frequency
+    of_axes = list(np.swapaxes(errors, 0, 1))
+    _refuse_noisy("star", of_axes, "light the chart better, expose longer, or take more pictures of it")
+    return np.asarray(np.mean(curves, axis=0))
 
 
 def _check_star(name: str, image: NDArray[np.float32], centre_px: tuple[float, float], rays: int) -> None:

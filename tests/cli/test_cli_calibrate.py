@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import re
 
 import cv2
 import numpy as np
@@ -119,8 +120,47 @@ def test_the_mtf_of_a_camera_that_sharpens_is_stored_as_1_at_most(tmp_path):
     sharpened = [0.2 + 0.6 * (image + 2 * (image - cv2.GaussianBlur(image, (0, 0), 2.0))) for image in sharpened]
     assert measure(sharpened[0]).mtf.max() > 1.2
     files = [save(tmp_path / f"{index}.png", image) for index, image in enumerate(sharpened)]
-    assert call("calibrate", "front", *files, "--chart", "edge").exit_code == 0
+    done = call("calibrate", "front", *files, "--chart", "edge")
+    assert done.exit_code == 0
     assert np.max(camera_store.load("front").sharp_mtf) == 1
+    overshoot = measure(np.rint(sharpened[0] * 255) / 255).mtf
+    told = re.match(r"warning: overshoot to (.*): the camera sharpens; stored as 1.00", done.stderr)
+    assert told and float(told[1]) == pytest.approx(overshoot.max(), abs=0.03)
+    printed = next(line for line in done.stdout.splitlines() if line.startswith("horizontal"))
+    np.testing.assert_allclose([float(value) for value in printed.split()[1:]], overshoot, atol=0.006)
+    plain = [save(tmp_path / f"plain{number}.png", edge(upright)) for number, upright in enumerate((True, False))]
+    assert "sharpens" not in call("calibrate", "front", *plain, "--chart", "edge").stderr
+
+
+def test_the_overshoot_of_a_star_is_told_too(tmp_path):
+    sharp = cv2.GaussianBlur(synthesise(520, 520, 36, amplitude=0.2, supersample=4).astype(np.float64), (0, 0), 0.5)
+    image = sharp + (sharp - cv2.GaussianBlur(sharp, (0, 0), 2.0))
+    done = call("calibrate", "front", save(tmp_path / "star.png", image), "--chart", "star", "--rays", 36)
+    assert done.exit_code == 0, done.output
+    assert "the camera sharpens" in done.stderr and np.max(camera_store.load("front").sharp_mtf) == 1
+
+
+def test_a_chart_too_noisy_for_its_contrast_is_refused_unless_pictures_are_averaged(tmp_path, home):
+    """A single picture errs by .12 at .59 of Nyquist, the mean of twelve by a third of that."""
+
+    def faint(number, upright):
+        noise = stream(0, "faint", number, upright).normal(0, 4 / 255, (120, 120))
+        return save(tmp_path / f"{number}{upright}.png", 0.4 + 0.1 * (edge(upright) - 0.2) / 0.6 + noise)
+
+    files = [faint(number, upright) for number in range(12) for upright in (True, False)]
+    done = call("calibrate", "front", *files[:2], "--chart", "edge")
+    assert done.exit_code == 2 and "--chart edge: the horizontal MTF is too noisy: standard error 0.1" in done.output
+    assert "of Nyquist, expected at most 0.05; take longer edges" in done.output
+    assert not list(home.rglob("front.json"))
+    assert call("calibrate", "front", *files, "--chart", "edge").exit_code == 0
+
+
+def test_a_star_too_noisy_for_its_contrast_is_refused():
+    clean = cv2.GaussianBlur(synthesise(520, 520, 36, amplitude=0.06, supersample=2).astype(np.float64), (0, 0), 1.0)
+    noisy = clean + stream(0, "faint star").normal(0, 5 / 255, clean.shape)
+    with pytest.raises(InputError, match=r"--chart star: the .* MTF is too noisy: standard error 0\.09"):
+        star_mtf([("star", noisy.astype(np.float32))], 36)
+    assert star_mtf([("star", clean.astype(np.float32))], 36).shape == (2, 8)
 
 
 def test_clipped_charts_are_refused_and_white_of_exactly_255_is_not(tmp_path):
@@ -216,7 +256,7 @@ def test_black_and_white_rays_give_the_same_mtf(rays, size_px):
 def test_stars_are_known_behind_blur_noise_shift_and_uneven_light(rays, size_px, black_and_white):
     image = star_picture(rays, size_px, (6.3, -4.6), black_and_white)
     image = cv2.GaussianBlur(image, (0, 0), 2.0) * np.linspace(0.35, 1, size_px) * np.linspace(0.7, 1, size_px)[:, None]
-    image += stream(0, "star").normal(0, 10 / 255, image.shape)
+    image += stream(0, "star").normal(0, 6 / 255, image.shape)
     image = np.clip(image, 0, 1).astype(np.float32)
     assert star_mtf([("star", image)], rays).shape == (2, 8)
     for wrong in (2 * round(0.45 * rays), rays - 2, rays + 2):
