@@ -36,6 +36,7 @@ from pipeline.blur.affine_logits import logit, sigmoid
 from pipeline.blur.base import FREQUENCIES, BlurEstimate, BlurEstimator, HiddenUnits, as_patches
 from pipeline.blur.camera_correction import Correction
 from pipeline.blur.camera_samples import LEAST_SAMPLES, VALUES, HasOutputLayers, blurred, members
+from pipeline.blur.estimator_identity import EstimatorIdentity
 from pipeline.camera.mtf import CAMERA, SYSTEM
 from pipeline.errors import InputError
 
@@ -91,6 +92,7 @@ class Calibration:
         error_percent: mean absolute error on them before, and after where they were held out.
         alone: (16, 17) matrix and offset of the last network alone (`pipeline.blur.halo`), or None.
         correction: beside the map, or None.
+        made_for: the estimator that it was fitted to; None where that is not known, as in files of earlier versions.
     """
 
     matrix: NDArray[np.float64]
@@ -100,6 +102,7 @@ class Calibration:
     error_percent: tuple[float, float]
     alone: NDArray[np.float64] | None = None
     correction: Correction | None = None
+    made_for: EstimatorIdentity | None = None
 
     @property
     def members(self) -> int:
@@ -143,6 +146,8 @@ class Calibration:
             content["alone"] = self.alone.tolist()
         if self.correction is not None:
             content["correction"] = self.correction.content()
+        if self.made_for is not None:
+            content["made_for"] = self.made_for.content()
         return {**content, "error_percent": list(self.error_percent)}
 
     def save(self, path: str | Path) -> None:
@@ -173,7 +178,8 @@ class Calibration:
         correction = Correction.from_content(content["correction"], VALUES) if "correction" in content else None
         before, after = content["error_percent"]
         errors = (float(before), float(after))
-        return cls(matrix, offset, widening, int(content["samples"]), errors, alone, correction)
+        made_for = EstimatorIdentity.from_content(content["made_for"]) if "made_for" in content else None
+        return cls(matrix, offset, widening, int(content["samples"]), errors, alone, correction, made_for)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -199,11 +205,19 @@ class CalibratedEstimator:
     Args:
         inner: the estimator that was calibrated.
         calibration: from `calibrate`.
+
+    Raises:
+        InputError: the estimator's answers are relative to something already, or the calibration was made with another
+            estimator or other weights. Those stored by earlier versions do not say with which they were made.
     """
 
     relative_to = CAMERA
 
     def __init__(self, inner: BlurEstimator, calibration: CameraMap) -> None:
+        refuse_relative(inner)
+        made_for = getattr(calibration, "made_for", None)
+        if made_for is not None:
+            made_for.refuse_other(inner)
         self.inner, self.calibration = inner, calibration
 
     def estimate(self, patches: Any) -> BlurEstimate:
@@ -224,19 +238,23 @@ def corrected(estimate: BlurEstimate, camera: Calibration) -> BlurEstimate:
     Every corrected value rests on all frequencies: a patch of which some are unknown is abstained from, `INCOMPLETE`.
 
     Raises:
-        InputError: the calibration is of an ensemble of other networks.
+        InputError: the calibration is of an ensemble of other networks; or it does not say of which estimator it is,
+            and of this one and that only one has intervals.
     """
     known = members(estimate)[:, : camera.members]  # a map of one network alone takes the joint output
     if known.shape[1] != camera.members:
         raise InputError(
             f"calibration of an ensemble of {camera.members} networks, estimator of {known.shape[1]}; calibrate anew"
         )
+    half = estimate.half_width()
+    if camera.made_for is None and (half is None) != np.isnan(camera.widening):  # all that is known of it
+        fitted, given = ("with", "without") if half is None else ("without", "with")
+        raise InputError(f"calibration of an estimator {fitted} intervals, given one {given}; calibrate anew")
     mtf = camera(known, estimate.hidden)
     incomplete = np.isnan(mtf).any(axis=(1, 2)) & ~estimate.abstained
     mtf[incomplete] = np.nan
     reason = np.where(incomplete, INCOMPLETE, estimate.reason)
     ends: dict[str, Any] = {"low": None, "high": None}
-    half = estimate.half_width()
     if half is not None and not np.isnan(camera.widening):
         half *= camera.widening
         ends = {"low": np.clip(mtf - half, 0, 1), "high": np.clip(mtf + half, 0, 1)}
@@ -246,10 +264,11 @@ def corrected(estimate: BlurEstimate, camera: Calibration) -> BlurEstimate:
     )  # fmt: skip
 
 
-def calibrate(estimator: BlurEstimator, sharp_patches: Any, *, samples: int = SAMPLES, seed: int = 1) -> CameraMap:
-    """Calibrate an estimator to a camera: by its own `CameraFittable.fit_camera` if it has one, else `fit_map`.
+def refuse_relative(estimator: BlurEstimator) -> None:
+    """Check that an estimator can be calibrated.
 
-    Arguments and errors are those of `fit_map`; an estimator that is calibrated already is one too.
+    Raises:
+        InputError: its answers are relative to something already: to a camera's sharp frames, or to a generic lens.
     """
     relative_to = getattr(estimator, "relative_to", SYSTEM)
     if relative_to != SYSTEM:
@@ -257,9 +276,19 @@ def calibrate(estimator: BlurEstimator, sharp_patches: Any, *, samples: int = SA
             f"{type(estimator).__name__}: answers relative to the {relative_to}; expected an estimator of the whole "
             "system's MTF to calibrate"
         )
+
+
+def calibrate(estimator: BlurEstimator, sharp_patches: Any, *, samples: int = SAMPLES, seed: int = 1) -> CameraMap:
+    """Calibrate an estimator to a camera: by its own `CameraFittable.fit_camera` if it has one, else `fit_map`.
+
+    Arguments and errors are those of `fit_map`; an estimator that is calibrated already is one too. The result keeps
+    which estimator it was made with (`pipeline.blur.estimator_identity`).
+    """
+    refuse_relative(estimator)
     if isinstance(estimator, CameraFittable):
         return estimator.fit_camera(sharp_patches, samples=samples, seed=seed)
-    return fit_map(estimator, sharp_patches, samples=samples, seed=seed)
+    fitted = fit_map(estimator, sharp_patches, samples=samples, seed=seed)
+    return replace(fitted, made_for=EstimatorIdentity.of(estimator))
 
 
 def fit_map(

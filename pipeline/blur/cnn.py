@@ -77,6 +77,12 @@ class Cnn(Estimator):
             return result
         return replace(result, mtf=np.clip(result.mtf / np.maximum(self.sharp_mtf, SHARP_FLOOR), 0.0, 1.0))
 
+    def weights_sha256(self) -> dict[str, str]:
+        """See `pipeline.blur.estimator_identity.HasNetworks`."""
+        from pipeline.learning.weights import tensors_sha256
+
+        return {"network": tensors_sha256(self.network.state_dict())}
+
     def _answer(self, patches: NDArray[np.float32], reason: NDArray[np.str_]) -> BlurEstimate:
         """Answers for (N, F, 1, 192, 192)."""
         import torch

@@ -37,6 +37,7 @@ from numpy.typing import NDArray
 from pipeline.blur import overlap, shared_blur
 from pipeline.blur.base import BlurEstimate, Estimator, as_patches
 from pipeline.blur.camera_calibration import SAMPLES, fit_map
+from pipeline.blur.estimator_identity import EstimatorIdentity
 from pipeline.blur.fusion_camera import SHARP_PATCHES, FusionMap
 from pipeline.blur.fusion_members import Deconvolution, join_members
 from pipeline.blur.spectral import RELEASED as RELEASED_SPECTRAL
@@ -247,7 +248,15 @@ class Fused(Estimator):
         result = self.deconvolution.gbb.estimate(sharp[picked])
         kept = np.asarray(result.mtf, np.float64)[~result.abstained]
         sharp_mtf = np.median(kept, axis=0) if len(kept) else np.ones(result.mtf.shape[1:])
-        return FusionMap(spectral, sharp_mtf, networks)
+        return FusionMap(spectral, sharp_mtf, networks, EstimatorIdentity.of(self))
+
+    def weights_sha256(self) -> dict[str, str]:
+        """See `pipeline.blur.estimator_identity.HasNetworks`."""
+        from pipeline.learning.weights import tensors_sha256
+
+        beside = {"gate": self.gate, "pixels": self.networks.pixels}
+        hashes = {name: tensors_sha256(network.state_dict()) for name, network in beside.items()}
+        return {**self.spectral.weights_sha256(), **hashes}
 
     def with_camera(self, camera: FusionMap | None) -> Self:
         """The same estimator with this calibration and no other; None for total MTFs."""

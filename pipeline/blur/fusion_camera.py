@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.blur.base import FREQUENCIES, BlurEstimate
 from pipeline.blur.camera_calibration import Calibration
+from pipeline.blur.estimator_identity import EstimatorIdentity
 from pipeline.errors import InputError
 
 SHARP_FLOOR = 0.3  # GBB's sharp MTF is not divided by below this: it is noise there
@@ -30,11 +31,13 @@ class FusionMap:
         gbb_sharp_mtf: (2, 8) median MTF by GBB over sharp patches; 1 where it could measure none.
         networks: map of these and of the pixel network (`pipeline.blur.spectral_and_pixels`); None where the latter
             takes no part, as in calibrations made before there was one.
+        made_for: the estimator that it was fitted to; None where that is not known, as in files of earlier versions.
     """
 
     spectral: Calibration
     gbb_sharp_mtf: NDArray[np.float64]
     networks: Calibration | None = None
+    made_for: EstimatorIdentity | None = None
 
     @property
     def samples(self) -> int:
@@ -62,6 +65,8 @@ class FusionMap:
         content = {"spectral": self.spectral.content(), "gbb_sharp_mtf": self.gbb_sharp_mtf.tolist()}
         if self.networks is not None:
             content["networks"] = self.networks.content()
+        if self.made_for is not None:
+            content["made_for"] = self.made_for.content()
         write_json(Path(path), content)
 
     @classmethod
@@ -77,7 +82,8 @@ class FusionMap:
             if sharp.shape != (2, FREQUENCIES) or not np.isfinite(sharp).all():
                 raise ValueError(f"gbb_sharp_mtf of shape {sharp.shape}, expected (2, {FREQUENCIES}) finite numbers")
             networks = Calibration.from_content(content["networks"]) if "networks" in content else None
-            return cls(Calibration.from_content(content["spectral"]), sharp, networks)
+            made_for = EstimatorIdentity.from_content(content["made_for"]) if "made_for" in content else None
+            return cls(Calibration.from_content(content["spectral"]), sharp, networks, made_for)
         except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
             raise InputError(
                 f"{path}: not the calibration of the fused estimator ({error}); "

@@ -258,6 +258,13 @@ class Spectral(Estimator):
             return [network.hidden(maps, vector) for network in networks]
         return [network.units(seen, vector) for network, seen in zip(networks, self.grouped(maps), strict=True)]
 
+    def weights_sha256(self) -> dict[str, str]:
+        """See `pipeline.blur.estimator_identity.HasNetworks`."""
+        from pipeline.learning.weights import tensors_sha256
+
+        hashes = [tensors_sha256(network.state_dict()) for network in self._networks()]
+        return dict(zip(("main", "processed"), hashes, strict=False))
+
     def output_layers(self) -> OutputLayers:
         """The last two layers of each network: see `pipeline.blur.camera_correction`."""
         networks = self._networks()

@@ -160,10 +160,11 @@ def apply(camera: StoredCamera, monitor: ConditionMonitor) -> None:
         monitor: not calibrated yet.
 
     Raises:
-        InputError: it was calibrated with another estimator or other weights, or the estimator cannot be calibrated.
+        InputError: it was calibrated with another estimator or other weights, or the estimator cannot be calibrated,
+            as one whose answers are relative to something already.
     """
     from pipeline.blur.base import SHARP_FLOOR, Estimator, WithoutEmptyFrequencies
-    from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration
+    from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration, refuse_relative
     from pipeline.camera.mtf import CAMERA
     from pipeline.recording.provenance import blur_weights
 
@@ -176,6 +177,7 @@ def apply(camera: StoredCamera, monitor: ConditionMonitor) -> None:
             )
         if camera.weights_sha256 != blur_weights(monitor.blur_name, monitor.blur_options):
             raise InputError(f"--camera {camera.name} was calibrated with other weights; {anew}")
+    refuse_relative(monitor.blur_estimator)
     if camera.fit is not None:
         try:
             monitor.blur_estimator = CalibratedEstimator(monitor.blur_estimator, Calibration.from_content(camera.fit))

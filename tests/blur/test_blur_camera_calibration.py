@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+import torch
 
 from pipeline import blur
 from pipeline.blur import camera_calibration, camera_fit, spectral
@@ -241,7 +242,7 @@ def test_the_networks_of_an_ensemble_are_weighted_anew(sharp, truth, tmp_path):
     assert np.abs(answer.mtf - truth[:100]).mean() < 0.35 * np.abs(noisy.bend(truth[:100]) - truth[:100]).mean()
     assert answer.members is None
     with pytest.raises(InputError, match="ensemble of 2 networks"):
-        CalibratedEstimator(Bent(truth, np.array), made).estimate(sharp)
+        CalibratedEstimator(Bent(truth, np.array), replace(made, made_for=None)).estimate(sharp)
 
 
 @pytest.mark.full("a calibration of a network takes 15 s")
@@ -423,3 +424,57 @@ def test_an_estimator_says_what_its_answers_are_relative_to(sharp, monkeypatch):
     kinds = [one.relative_to for one in (plain, typical, calibrated, plain.divided(sharp), calibrated._uncalibrated())]
     assert kinds == ["system", "generic lens", "camera", "camera", "system"]
     assert calibrated.divided(sharp).relative_to == "camera" and calibrated.divided(sharp).camera is None
+
+
+@pytest.mark.parametrize(
+    "made",
+    [lambda sharp: blur.create("spectral", output="relative"), lambda sharp: blur.create("spectral").divided(sharp)],
+)
+def test_an_estimator_that_is_relative_already_is_not_calibrated_again(sharp, made):
+    estimator = made(sharp)
+    given = Calibration(np.eye(16), np.zeros(16), 1.0, 100, (1.0, 1.0))
+    with pytest.raises(InputError, match=f"answers relative to the {estimator.relative_to}; expected"):
+        CalibratedEstimator(estimator, given)
+    with pytest.raises(InputError, match=f"answers relative to the {estimator.relative_to}; expected"):
+        camera_calibration.calibrate(estimator, sharp)
+
+
+def test_a_stored_calibration_is_for_the_estimator_that_it_was_made_with(sharp, tmp_path):
+    """One network's map fits any other's answers in shape."""
+    alone, both = blur.create("spectral", processed=False), blur.create("spectral")
+    path = tmp_path / "camera.json"
+    camera_calibration.calibrate(alone, sharp[:3], samples=100).save(path)
+    read = Calibration.load(path)
+    assert read.made_for.estimator == "Spectral" and set(read.made_for.weights_sha256) == {"main"}
+    expected = CalibratedEstimator(alone, read).estimate(sharp[3:]).mtf
+    anew = blur.create("spectral", processed=False)  # the same weights
+    np.testing.assert_array_equal(CalibratedEstimator(anew, read).estimate(sharp[3:]).mtf, expected)
+    with pytest.raises(InputError, match="of the estimator Spectral, given Cnn"):
+        CalibratedEstimator(blur.create("cnn"), read)
+    with pytest.raises(InputError, match=r"with other weights or networks \(processed\)"):
+        CalibratedEstimator(both, read)
+    with torch.no_grad():
+        anew.network.head[0].bias += 1e-6
+    with pytest.raises(InputError, match=r"with other weights or networks \(main\)"):
+        CalibratedEstimator(anew, read)
+
+
+def test_a_calibration_of_an_earlier_version_does_not_say_for_which_estimator_it_is(sharp, truth, tmp_path):
+    """It is taken for any of whose answers it is not known that they are another's."""
+    made = camera_calibration.calibrate(Bent(truth, np.array), sharp, samples=SAMPLES)
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps({name: value for name, value in made.content().items() if name != "made_for"}))
+    before = Calibration.load(path)
+    assert before.made_for is None
+    answers = [CalibratedEstimator(Bent(truth, np.array), camera).estimate(sharp).mtf for camera in (made, before)]
+    np.testing.assert_array_equal(*answers)
+    with pytest.raises(InputError, match="of an estimator with intervals, given one without; calibrate anew"):
+        CalibratedEstimator(blur.create("cnn"), before).estimate(sharp)
+
+
+@pytest.mark.parametrize("made_for", [None, {"estimator": "Bent"}, {"estimator": 3, "weights_sha256": {}}, "Bent"])
+def test_a_file_with_a_broken_note_of_its_estimator_is_refused(tmp_path, made_for):
+    content = Calibration(np.eye(16), np.zeros(16), 1.0, 100, (1.0, 1.0)).content()
+    (tmp_path / "camera.json").write_text(json.dumps(content | {"made_for": made_for}))
+    with pytest.raises(InputError, match="not the calibration of a camera"):
+        Calibration.load(tmp_path / "camera.json")

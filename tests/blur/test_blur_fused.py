@@ -7,7 +7,7 @@ import torch
 from pipeline import blur
 from pipeline.blur import fusion_gate
 from pipeline.blur.base import Estimator
-from pipeline.blur.camera_calibration import Calibration
+from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration
 from pipeline.blur.fused import Fused, SpectralAnswer, deconvolution_pays, unsureness
 from pipeline.blur.fusion_camera import FusionMap
 from pipeline.blur.fusion_members import Deconvolution, join_members
@@ -152,6 +152,10 @@ def test_calibration_covers_the_members(gate_file, camera, blurred, tmp_path):
     camera.save(tmp_path / "camera.json")
     read = FusionMap.load(tmp_path / "camera.json")
     assert np.array_equal(read.answer(estimator, blurred).mtf, answer.mtf)
+    assert np.array_equal(CalibratedEstimator(estimator, read).estimate(blurred).mtf, answer.mtf)
+    assert set(read.made_for.weights_sha256) == {"gate", "main", "pixels", "processed"}
+    with pytest.raises(InputError, match="of the estimator Fused, given Spectral"):
+        CalibratedEstimator(estimator.spectral, read)
     (tmp_path / "camera.json").write_text("[]")
     with pytest.raises(InputError, match="not the calibration of the fused estimator"):
         FusionMap.load(tmp_path / "camera.json")

@@ -23,6 +23,7 @@ from pipeline.camera.star_centre import point_of_symmetry
 from pipeline.cli import camera_store, main
 from pipeline.cli.calibrate import _refuse_without_contrast
 from pipeline.cli.charts import star_mtf
+from pipeline.condition import ConditionMonitor
 from pipeline.condition.estimate import readable_patches
 from pipeline.errors import InputError
 from pipeline.streams import stream
@@ -398,6 +399,20 @@ def test_sharp_scenes_are_stored_with_the_hash_of_the_weights_and_refuse_another
     path.write_text(json.dumps(content))
     refused = call("health", scene, "--camera", "front")
     assert refused.exit_code == 2 and "other weights" in refused.output
+
+
+@pytest.mark.parametrize("options", [{"output": "relative"}, {}])
+def test_a_camera_is_not_applied_to_answers_that_are_relative_already(options):
+    """Of a chart, which serves any estimator, nothing else would tell."""
+    camera = camera_store.StoredCamera(
+        name="front", kind="edge chart", blur_estimator="spectral", weights_sha256={}, size_px=None, frames=1,
+        sharp_mtf=[[0.8] * 8] * 2, fit=None, version="0",
+    )  # fmt: skip
+    monitor = ConditionMonitor(blur_options=options)
+    if not options:
+        camera_store.apply(camera, monitor)
+    with pytest.raises(InputError, match="answers relative to the (generic lens|camera); expected"):
+        camera_store.apply(camera, monitor)
 
 
 def under_a_noisy_sky(name, height_px=448):
