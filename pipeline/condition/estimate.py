@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from pipeline import blur, noise
 from pipeline.answers import WrongAnswer, asked, check_array
 from pipeline.blur.base import FREQUENCIES, PATCH_PX, BlurEstimate, Estimator, as_patches
-from pipeline.blur.camera_calibration import CalibratedEstimator, CameraFittable, calibrate
+from pipeline.blur.camera_calibration import CalibratedEstimator, CameraFittable, calibrate, refuse_relative
 from pipeline.camera.saturation import SATURATED
 from pipeline.condition.coarse_grain import most_coarse_noise_dn
 from pipeline.condition.frame_tiles import MOST_PATCHES, MOST_TILES, frame_tiles
@@ -212,10 +212,11 @@ class ConditionMonitor:
             InputError: none of their patches can be measured, the blur estimator's answers are relative to something
                 already, as the generic lens, or there are not as many names as frames.
         """
-        readable = readable_patches(sharp_frames)
-        patches = np.concatenate(readable)
         calibrated, made_of = self._calibrated
         uncalibrated = made_of if self.blur_estimator is calibrated else self.blur_estimator
+        refuse_relative(uncalibrated)
+        readable = readable_patches(sharp_frames)
+        patches = np.concatenate(readable)
         if names and len(names) != len(readable):
             raise InputError(f"sharp frames: {len(names)} names of {len(readable)} frames; give one for each, or none")
         labels = names or [f"sharp frame {number + 1} of {len(readable)}" for number in range(len(readable))]

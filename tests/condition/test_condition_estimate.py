@@ -9,7 +9,7 @@ from data_makers import picture
 from scipy.ndimage import gaussian_filter1d
 from test_condition_coarse_grain import enlarged, scene
 
-from pipeline import noise
+from pipeline import blur, noise
 from pipeline.blur.base import BlurEstimate, Estimator
 from pipeline.camera import mtf
 from pipeline.camera.corruption import corrupt
@@ -159,8 +159,20 @@ def test_the_cameras_own_blur_can_be_divided_out(monkeypatch):
     assert np.array_equal(monitor.frame(sharp[0]).mtf.value, fitted)
     with pytest.raises(InputError, match="192 px"):
         monitor.calibrate([sharp[0][:100]])
-    with pytest.raises(InputError, match="relative to the generic lens"):
-        ConditionMonitor(blur_options={"output": "relative"}).calibrate(sharp, fitted=True)
+
+
+@pytest.mark.parametrize("fitted", [False, True])
+def test_a_monitor_that_is_relative_to_something_already_is_not_calibrated(fitted):
+    sharp = seen(frame("a"), 0.0)
+    typical = ConditionMonitor(blur_options={"output": "relative"})
+    with pytest.raises(InputError, match="answers relative to the generic lens; expected"):
+        typical.calibrate([sharp], fitted=fitted)
+    assert typical.blur_estimator.relative_to == "generic lens"
+    mine = ConditionMonitor()
+    mine.calibrate([sharp])
+    mine.blur_estimator = blur.create("spectral").divided(readable_patches([sharp])[0])  # by the caller
+    with pytest.raises(InputError, match="answers relative to the camera; expected"):
+        mine.calibrate([sharp], fitted=fitted)
 
 
 def test_frames_that_are_given_as_sharp_and_are_not_give_a_warning(recwarn):
