@@ -14,6 +14,7 @@ from pipeline.camera.sensor import check_base_gain
 from pipeline.errors import InputError
 
 BASE_ISO = 100.0
+DECIBELS_PER_STOP = 20.0 * math.log10(2.0)
 NEARLY_STOPS = 0.05
 """Settings this near are the same: a driver rounds exposure times to microseconds or to lines of the sensor."""
 
@@ -132,9 +133,29 @@ class Limits:
         return math.isclose(state.exposure_s, nearest.exposure_s) and math.isclose(state.gain, nearest.gain)
 
     def at_time(self, total_exposure_s: float, exposure_s: float) -> CameraState:
-        """Settings of a total exposure at (about) an exposure time; time gives way where the gain's range ends."""
-        first = self.nearest(exposure_s, total_exposure_s / exposure_s)
-        return self.nearest(total_exposure_s / first.gain, total_exposure_s / first.exposure_s)
+        """Settings of a total exposure at (about) an exposure time; time gives way where the gain's range ends.
+
+        The gain makes up for the rounded time. Where the highest or lowest gain does not, the time is the next step.
+
+        Args:
+            total_exposure_s: wanted time x gain.
+            exposure_s: wanted time.
+
+        Returns:
+            settings whose total exposure is within half a step of the gain where the camera has such.
+        """
+        gain = self.nearest(exposure_s, total_exposure_s / exposure_s).gain
+        time = self.nearest(total_exposure_s / gain, gain).exposure_s
+        step = 2.0 ** (1.0 / self.exposure_steps_per_stop) if self.exposure_steps_per_stop else 1.0
+
+        def error_stops(state: CameraState) -> float:
+            return abs(math.log2(state.total_exposure_s / total_exposure_s))
+
+        state = self.nearest(time, total_exposure_s / time)
+        if error_stops(state) <= self.gain_step_db / (2.0 * DECIBELS_PER_STOP) + 1e-9:
+            return state
+        others = [self.nearest(each, total_exposure_s / each) for each in (time * step, time / step)]
+        return min([state, *others], key=error_stops)
 
     def time_first(self, total_exposure_s: float, exposure_max_s: float | None = None) -> CameraState:
         """Settings of a total exposure, by time up to its limit, then by gain.

@@ -28,8 +28,35 @@ def test_state_limits_are_respected_and_nearest_settings_are_stable(time, gain, 
 @given(total=st.floats(60e-6, 0.9), time=st.floats(60e-6, 33e-3))
 def test_state_total_exposure_is_kept_at_any_time_inside_the_limits(total, time):
     assert Limits().at_time(total, time).total_exposure_s == pytest.approx(total, rel=1e-9)
-    # four roundings, each by up to half a step: 2 ** (1 / 12) of the time and 0.5 dB of the gain, twice
-    assert STEPPED.at_time(total, time).total_exposure_s == pytest.approx(total, rel=0.26)
+
+
+@pytest.mark.parametrize("exposures_ms", [(0.05, 33.0), (1.0, 1.3)])
+@pytest.mark.parametrize(
+    ("per_stop", "gain_step_db", "gain_max"), [(6, 1.0, 32), (3, 1.0, 32), (3, 3.0, 32), (1, 4.0, 32), (2, 1.0, 1.9)]
+)
+def test_state_a_total_exposure_is_met_within_half_a_step_of_the_gain(exposures_ms, per_stop, gain_step_db, gain_max):
+    """Wherever a camera has such settings: also where the highest gain falls short of a rounded exposure time."""
+    shortest_s, longest_s = (each / 1e3 for each in exposures_ms)
+    limits = Limits(shortest_s, longest_s, 1.0, gain_max, per_stop, gain_step_db)
+    times = {limits.nearest(time, 1.0).exposure_s for time in np.geomspace(shortest_s, longest_s, 200)}
+    gains = {limits.nearest(shortest_s, gain).gain for gain in np.geomspace(1.0, gain_max, 200)}
+    reachable_stops = np.log2(np.outer(sorted(times), sorted(gains)))
+    half_step_stops = gain_step_db / (40 * np.log10(2)) + 1e-6
+    for total_s in np.geomspace(shortest_s, longest_s * gain_max, 41):
+        if np.abs(reachable_stops - np.log2(total_s)).min() > half_step_stops:
+            continue
+        for time_s in np.geomspace(shortest_s / 2, 2 * longest_s, 23):
+            state = limits.at_time(total_s, time_s)
+            assert limits.accepts(state)
+            assert abs(np.log2(state.total_exposure_s / total_s)) <= half_step_stops
+
+
+@pytest.mark.parametrize("total", np.geomspace(0.001, 0.3, 11))
+@pytest.mark.parametrize("time", np.geomspace(50e-6, 33e-3, 13))
+def test_state_settings_of_a_total_exposure_are_kept_when_asked_for_again(total, time):
+    state = STEPPED.at_time(total, time)
+    again = STEPPED.at_time(state.total_exposure_s, state.exposure_s)
+    assert (again.exposure_s, again.gain) == (pytest.approx(state.exposure_s), pytest.approx(state.gain))
 
 
 def test_state_exposure_comes_before_gain():
