@@ -52,7 +52,20 @@ class Metering:
         mean = max(observation.mean_level, _DARKEST_MEAN)
         if self.accepts(mean):
             return 1.0
-        factor = float((self.target / mean) ** (gamma * self.damping))
-        if observation.saturated_fraction > _MOSTLY_SATURATED:
-            factor /= 2.0
+        factor = float((self.target / mean) ** (gamma * self.damping)) / _hidden(observation)
         return min(max(factor, 1.0 / self.largest_factor), self.largest_factor)
+
+    def to_target(self, observation: Observation, gamma: float) -> float:
+        """Factor on total exposure that brings a frame's mean level to the target at once, without limit or damping.
+
+        Args:
+            observation: the frame.
+            gamma: of the camera's tone curve.
+        """
+        mean = max(observation.mean_level, _DARKEST_MEAN)
+        return float((self.target / mean) ** gamma) / _hidden(observation)
+
+
+def _hidden(observation: Observation) -> float:
+    """How many times brighter than its mean level says a frame is taken to be."""
+    return 2.0 if observation.saturated_fraction > _MOSTLY_SATURATED else 1.0

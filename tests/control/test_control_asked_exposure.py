@@ -1,8 +1,11 @@
 """Total exposure carried across a camera's steps: small changes add up, and frames taken otherwise begin anew."""
 
 import math
+from dataclasses import replace
 
+import numpy as np
 import pytest
+from control_makers import Scene
 
 from pipeline import control
 from pipeline.control.asked_exposure import AskedExposure
@@ -67,7 +70,7 @@ def test_kept_settings_keep_what_was_asked_for():
     asked = AskedExposure(STEPS)
     state = asked.decision(1.05, CameraState.of(8.0, 100), "").state
     for _ in range(3):
-        state = asked.hold(state, "").state
+        state = asked.hold(state, "", lambda _: True).state
     assert asked.decision(1.0, state, "").state == state
     assert asked.decision(1.06, state, "").state.exposure_ms == pytest.approx(8.0 * 1.05 * 1.06, rel=0.06)
 
@@ -75,8 +78,6 @@ def test_kept_settings_keep_what_was_asked_for():
 @pytest.mark.parametrize("name", ["mean_intensity", "prosilica", "shim"])
 def test_policies_follow_their_law_on_a_camera_with_steps(name, monkeypatch):
     """A law that asks for 2 % more, frame after frame, is not frozen by steps of 12 %."""
-    from control_makers import Scene
-
     policy = control.create(name, camera=ControlledCamera(STEPS))
     monkeypatch.setattr(policy, "factor", lambda *_: 1.02, raising=False)
     if name == "mean_intensity":
@@ -85,3 +86,52 @@ def test_policies_follow_their_law_on_a_camera_with_steps(name, monkeypatch):
     for _ in range(36):  # 1.02 ** 36 = 2.04
         state = policy.decide(scene.observe(state), state).state
     assert state.exposure_ms == pytest.approx(4.0 * 1.02**36, rel=0.07)
+
+
+def settings_over_time(name, limits, lights, start):
+    """Settings of each frame under the light of each."""
+    policy = control.create(name, camera=ControlledCamera(limits))
+    state, line, states = start, DelayLine.filled(start, limits.delay_frames), []
+    for light in lights:
+        states.append(state)
+        state = line.next(policy.decide(Scene(light).observe(state), state).state)
+    return states
+
+
+@pytest.mark.parametrize("name", ["mean_intensity", "prosilica"])
+@pytest.mark.parametrize("delay", [0, 1, 2, 3])
+@pytest.mark.parametrize(("per_stop", "gain_step_db"), [(0, 6.0206), (0, 3.0), (1, 6.0), (3, 3.0)])
+def test_in_steady_light_settings_settle_though_no_step_lies_inside_the_dead_band(name, delay, per_stop, gain_step_db):
+    limits = Limits(exposure_steps_per_stop=per_stop, gain_step_db=gain_step_db, delay_frames=delay)
+    target = {"mean_intensity": 0.5, "prosilica": 0.475}[name]
+    for light in np.geomspace(0.2, 0.012, 8):  # full exposure time, gain 1.2 to 20
+        states = settings_over_time(name, limits, [light] * (60 + 40 * delay), limits.nearest(8e-3, 1.0))
+        assert len(set(states[-12:])) == 1, light
+        wanted_s = states[-1].total_exposure_s * (target / Scene(light).truth(states[-1]).mean_level) ** 2.2
+        error = abs(math.log2(states[-1].total_exposure_s / wanted_s))
+        nearest = limits.time_first(wanted_s).total_exposure_s
+        band = 0.07 if name == "mean_intensity" else 0.08  # of the mean level
+        assert error <= max(abs(math.log2(nearest / wanted_s)), 2.2 * math.log2(1 + band)) + 0.02
+
+
+@pytest.mark.parametrize("name", ["mean_intensity", "prosilica"])
+@pytest.mark.parametrize("delay", [1, 2, 3])
+def test_with_a_delay_frames_in_turn_do_not_keep_settings_that_differ(name, delay):
+    """Light that trembles a little leaves each of the frames under way with settings of its own."""
+    limits = Limits(delay_frames=delay)
+    trembling = [0.3 * 2.0 ** (0.25 * math.sin(1.7 * frame)) for frame in range(60)]
+    states = settings_over_time(name, limits, [*trembling, *[0.3] * 60], CameraState.of(8.0, 100))
+    assert len(set(states[-12:])) == 1
+
+
+@pytest.mark.parametrize("name", ["mean_intensity", "prosilica"])
+def test_a_change_of_light_is_followed_by_coarse_steps_too(name):
+    limits = Limits(gain_step_db=6.0206)
+    states = settings_over_time(name, limits, [0.1] * 60 + [0.02] * 60, limits.nearest(8e-3, 1.0))
+    assert math.log2(states[-1].total_exposure_s / states[59].total_exposure_s) == pytest.approx(2.3, abs=1.0)
+
+
+def test_settings_beyond_the_cap_are_left_though_none_is_nearer_to_the_target():
+    limits = replace(STEPS, gain_step_db=6.0)
+    asked = AskedExposure(limits, limits.longest_up_to(0.010))
+    assert asked.decision(1.0, CameraState.of(20.0, 100), "", 1.0).state.exposure_ms <= 10.0

@@ -47,10 +47,14 @@ class MeanIntensity(Policy):
 
     def decide(self, observation: Observation, state: CameraState) -> Decision:
         """See `Policy.decide`."""
-        factor = self.metering.factor(observation, self.camera.formation.gamma)
+        gamma, mean = self.camera.formation.gamma, observation.mean_level
+        factor = self.metering.factor(observation, gamma)
         too_long = self.exposure_max_s is not None and state.exposure_s > self.exposure_max_s * (1 + 1e-9)
         if factor == 1.0 and not too_long:
-            return self.exposure.hold(state, f"mean {observation.mean_level:.2f} is within tolerance")
-        return self.exposure.decision(
-            factor, state, f"mean {observation.mean_level:.2f}: total exposure times {factor:.2f}"
-        )
+            return self.exposure.hold(
+                state,
+                f"mean {mean:.2f} is within tolerance",
+                lambda ratio: self.metering.accepts(mean * ratio ** (1.0 / gamma)),
+            )
+        reason = f"mean {mean:.2f}: total exposure times {factor:.2f}"
+        return self.exposure.decision(factor, state, reason, self.metering.to_target(observation, gamma))

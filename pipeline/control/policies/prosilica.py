@@ -63,9 +63,13 @@ class Prosilica(Policy):
 
     def decide(self, observation: Observation, state: CameraState) -> Decision:
         """See `Policy.decide`."""
-        factor = self.factor(observation.mean_level)
+        gamma, mean = self.camera.formation.gamma, observation.mean_level
+        factor = self.factor(mean)
         if factor == 1.0:
-            return self.exposure.hold(state, f"mean {observation.mean_level:.2f} is within the hold band")
-        return self.exposure.decision(
-            factor, state, f"mean {observation.mean_level:.2f}: total exposure times {factor:.3f}"
-        )
+            return self.exposure.hold(
+                state,
+                f"mean {mean:.2f} is within the hold band",
+                lambda ratio: self.factor(mean * ratio ** (1.0 / gamma)) == 1.0,
+            )
+        reason = f"mean {mean:.2f}: total exposure times {factor:.3f}"
+        return self.exposure.decision(factor, state, reason, (self.target / max(mean, 1.0 / self.levels)) ** gamma)
