@@ -20,6 +20,7 @@ For every frame, `IopcPolicy.frame` gathers what the decision depends on, each p
 from __future__ import annotations
 
 import math
+import numbers
 from collections import deque
 from dataclasses import dataclass
 from functools import lru_cache
@@ -175,8 +176,7 @@ class IopcPolicy(Policy):
             raise InputError(f"policy {type(self).__name__}: margin is a fraction in [0, 1], got {margin!r}")
         self.margin = margin * (1 + self.limits.delay_frames)
         self.metering = None if target is None else Metering(target, tolerance, LARGEST_FACTOR)
-        self.known_speed_px_s: float | None = None
-        """Speed of the image from another source (odometry), px/s; None takes it from the estimated MTF."""
+        self._known_speed_px_s: float | None = None
         self._speed = SpeedFilter()
         self._known_speed_jumps = KnownSpeedJumps(self.limits.exposure_max_s)
         self._noise = NoiseRatio()
@@ -322,6 +322,26 @@ class IopcPolicy(Policy):
             if gain <= self.hysteresis.required_percent:
                 return kept
         return best
+
+    @property
+    def known_speed_px_s(self) -> float | None:
+        """Speed of the image from another source (odometry), px/s; None takes it from the estimated MTF.
+
+        Its sign, a direction of travel, does not matter: the absolute value is kept.
+
+        Raises:
+            InputError: set to what is neither None nor a finite number.
+        """
+        return self._known_speed_px_s
+
+    @known_speed_px_s.setter
+    def known_speed_px_s(self, speed_px_s: float | None) -> None:
+        if speed_px_s is not None and not (isinstance(speed_px_s, numbers.Real) and math.isfinite(speed_px_s)):
+            raise InputError(
+                f"policy {type(self).__name__}: known_speed_px_s is {speed_px_s!r}; expected a finite number of px/s, or "
+                "None where the speed is not known"
+            )
+        self._known_speed_px_s = None if speed_px_s is None else abs(float(speed_px_s))
 
     @property
     def speed_high_px_s(self) -> float:

@@ -61,6 +61,16 @@ def test_policies_settle_on_a_constant_scene_and_do_not_oscillate(name, delay, s
     assert np.ptp(totals[tail]) < 0.05 and np.ptp(times[tail]) < 0.35
 
 
+@pytest.mark.parametrize("name", ["iopc_optimal", "iopc_continuous"])
+@pytest.mark.parametrize("light", [0.00929, 0.02, 0.15, 1.1])
+def test_policies_settle_in_steady_light_on_a_camera_with_steps(name, light):
+    limits = Limits(exposure_steps_per_stop=3, gain_step_db=1.0)
+    policy = control.create(name, camera=ControlledCamera(limits, CAMERA.formation), performance=SURFACE)
+    states, decisions = drive(policy, Scene(light, speed_px_s=400.0), limits.nearest(8e-3, 1.0), frames=50)
+    assert len(set(states[-15:])) == 1
+    assert {decision.action for decision in decisions[-15:]} <= {Action.HOLD, Action.REFUSED}
+
+
 @given(
     name=st.sampled_from(EVERY),
     light=st.floats(1e-4, 200.0),
@@ -394,3 +404,27 @@ def test_policies_where_all_is_refused_do_not_stay_dark_and_noisy(name):
             policy = control.create(name, camera=camera, performance=performance_of_three_levels())
             states, _ = drive(policy, scene, start, frames=30)
             assert states[-1].exposure_s > 0.02 and scene.truth(states[-1]).mean_level > 0.14, (start, states[-1])
+
+
+@pytest.mark.parametrize("name", AWARE)
+@pytest.mark.parametrize("speed_px_s", [2_000.0, 0.0])
+def test_policies_a_known_speed_counts_in_either_direction(name, speed_px_s):
+    scene, chosen = Scene(light=0.25, speed_px_s=speed_px_s), []
+    for known in (speed_px_s, -speed_px_s):
+        policy = make(name)
+        policy.known_speed_px_s = known
+        assert policy.speed_px_s == policy.speed_high_px_s == speed_px_s
+        states, _ = drive(policy, scene, CameraState.of(8.0, 100), frames=12)
+        chosen.append(states)
+    assert chosen[0] == chosen[1]
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf"), "fast"])
+def test_policies_a_known_speed_that_is_no_finite_number_is_refused(value):
+    policy = make("iopc_continuous")
+    policy.known_speed_px_s = 300.0
+    with pytest.raises(InputError, match="known_speed_px_s is .*finite number of px/s, or None"):
+        policy.known_speed_px_s = value
+    assert policy.known_speed_px_s == 300.0
+    policy.known_speed_px_s = None
+    assert np.isnan(policy.speed_px_s)
