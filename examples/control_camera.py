@@ -23,12 +23,15 @@ from pipeline.datasets.video import read_video
 from pipeline.errors import InputError
 
 SURFACE = Path("data/control_surface/all.npz")
+EXPOSURE_UNIT_S = 1e-4
+"""Of V4L2; a whole number of them is written, at least one."""
+
 DELAY_FRAMES = 2
 """Frames of a live camera that are still taken with the settings before, once others are written; measure yours."""
 
 
 class OpenCvCamera:
-    """A driver (`pipeline.control.driver.Driver`) on OpenCV's capture; V4L2 takes exposure in units of 100 us.
+    """A driver (`pipeline.control.driver.Driver`) on OpenCV's capture; V4L2 takes exposure in whole units of 100 us.
 
     Videos are read as the monitor reads them.
 
@@ -41,7 +44,8 @@ class OpenCvCamera:
     """
 
     def __init__(self, source: str, state: CameraState) -> None:
-        self.state, self.written, self.live = state, state, source.startswith("/dev/")
+        self.live = source.startswith("/dev/")
+        self.state = self.written = state = as_written(state) if self.live else state
         self.on_their_way = DelayLine.filled(state, DELAY_FRAMES)
         if not self.live and not Path(source).is_file():
             raise OSError(f"{source}: expected a video file or a V4L2 camera")
@@ -75,11 +79,16 @@ class OpenCvCamera:
         return self.state
 
     def apply(self, state: CameraState) -> None:
-        """Write settings to a live camera."""
+        """Write settings to a live camera; `settings` states them as they were written."""
         if self.live:
-            self.capture_device.set(cv2.CAP_PROP_EXPOSURE, round(state.exposure_s * 1e4))
-            self.capture_device.set(cv2.CAP_PROP_GAIN, state.gain_db)
-            self.written = state
+            self.written = as_written(state)
+            self.capture_device.set(cv2.CAP_PROP_EXPOSURE, round(self.written.exposure_s / EXPOSURE_UNIT_S))
+            self.capture_device.set(cv2.CAP_PROP_GAIN, self.written.gain_db)
+
+
+def as_written(state: CameraState) -> CameraState:
+    """Settings with the exposure time rounded to the units that a camera takes."""
+    return CameraState(max(1, round(state.exposure_s / EXPOSURE_UNIT_S)) * EXPOSURE_UNIT_S, state.gain)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -92,7 +101,8 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         driver = OpenCvCamera(options.source, CameraState.of(options.exposure_ms, options.iso))
-        camera = ControlledCamera(Limits(delay_frames=DELAY_FRAMES if driver.live else 0))
+        limits = Limits(exposure_min_s=EXPOSURE_UNIT_S, delay_frames=DELAY_FRAMES) if driver.live else Limits()
+        camera = ControlledCamera(limits)
         performance = Performance.load(SURFACE) if options.policy.startswith("iopc") else None
         controller = control.Controller(control.create(options.policy, camera=camera, performance=performance))
     except (OSError, InputError) as error:

@@ -62,9 +62,10 @@ class AskedExposure:
         return self._keep(kept if is_accepted else state, state, reason)
 
     def kept(self, state: CameraState) -> CameraState:
-        """The settings written last; those of a frame where these are in force, or where the frame's were not asked for."""
-        follows = len(self._written) < self._written.maxlen or state.is_nearly(self._written[0][0])
-        return self._written[-1][0] if self.limits.delay_frames and self._written and follows else state
+        """The settings written last; those of a frame where these are in force, or where they were not asked for."""
+        delay, written = self.limits.delay_frames, self._written
+        is_asked = len(written) <= delay or state.is_nearly(written[0][0])
+        return written[-1][0] if delay and written and is_asked else state
 
     def _keep(self, kept: CameraState, state: CameraState, reason: str) -> Decision:
         asked_s = self._asked_s(state) if kept is state else self._written[-1][1]
@@ -72,7 +73,7 @@ class AskedExposure:
         return Decision(kept, Action.HOLD, reason)
 
     def _is_nearest(self, kept: CameraState, wanted_s: float) -> bool:
-        """Whether a camera has no total exposure that is nearer to one wanted than that of settings it has, in stops."""
+        """Whether the camera has no total exposure nearer to one wanted than that of settings kept, in stops."""
         if self.exposure_max_s is not None and kept.exposure_s > self.exposure_max_s * (1 + 1e-9):
             return False
         nearest = self.limits.time_first(wanted_s, self.exposure_max_s)

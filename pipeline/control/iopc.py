@@ -338,8 +338,8 @@ class IopcPolicy(Policy):
     def known_speed_px_s(self, speed_px_s: float | None) -> None:
         if speed_px_s is not None and not (isinstance(speed_px_s, numbers.Real) and math.isfinite(speed_px_s)):
             raise InputError(
-                f"policy {type(self).__name__}: known_speed_px_s is {speed_px_s!r}; expected a finite number of px/s, or "
-                "None where the speed is not known"
+                f"policy {type(self).__name__}: known_speed_px_s is {speed_px_s!r}; expected a finite number of "
+                "px/s, or None where the speed is not known"
             )
         self._known_speed_px_s = None if speed_px_s is None else abs(float(speed_px_s))
 

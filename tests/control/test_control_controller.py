@@ -115,6 +115,36 @@ def test_settings_that_are_no_numbers_are_named(exposure_ms, iso, name):
         CameraState("8", 1.0)
 
 
+@pytest.mark.parametrize("exposure_ms", [0.05, 0.06, 0.1, 0.149, 0.15, 0.24, 0.25, 1.26, 33.0])
+def test_example_states_the_exposure_that_was_written(monkeypatch, exposure_ms):
+    """V4L2 takes whole units of 100 us; 0 of them would be another mode or an error."""
+    module, written = example(), []
+
+    class Capture:
+        def __init__(self, _):
+            pass
+
+        def isOpened(self):
+            return True
+
+        def set(self, key, value):
+            if key == cv2.CAP_PROP_EXPOSURE:
+                written.append(value)
+
+        def read(self):
+            return True, np.full((12, 16, 3), 128, np.uint8)
+
+    monkeypatch.setattr(module.cv2, "VideoCapture", Capture)
+    driver = module.OpenCvCamera("/dev/video0", CameraState.of(exposure_ms, 100))
+    driver.capture()
+    assert written[-1] >= 1 and driver.settings().exposure_ms == pytest.approx(written[-1] / 10)
+    assert driver.settings().exposure_ms == pytest.approx(max(exposure_ms, 0.1), abs=0.0501)
+    driver.apply(CameraState.of(0.03, 200))
+    for _ in range(module.DELAY_FRAMES + 1):
+        driver.capture()
+    assert written[-1] == 1 and driver.settings() == CameraState(1e-4, 2.0)
+
+
 @pytest.mark.parametrize("name", ["mean_intensity", "iopc_optimal"])
 def test_example_states_the_settings_of_each_frame_of_a_camera_that_follows_late(monkeypatch, name):
     """If it stated those written, brightness would be corrected again before it shows, and swing to white and back."""
@@ -146,7 +176,7 @@ def test_example_states_the_settings_of_each_frame_of_a_camera_that_follows_late
     levels = []
     for step in range(25):
         frame = driver.capture()
-        assert driver.settings().exposure_s == pytest.approx(driver.capture_device.taken.exposure_s, rel=0.1), step
+        assert driver.settings().exposure_s == pytest.approx(driver.capture_device.taken.exposure_s), step
         driver.apply(policy.decide(scene.observe(driver.capture_device.taken), driver.settings()).state)
         levels.append(float(frame.mean()))
     assert max(levels) < 0.65 and levels[-1] == pytest.approx(0.5, abs=0.1)
