@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.cluster_intervals import bias_corrected
+from pipeline.control.course import settling_frames
 from pipeline.control.decision import Action
 from pipeline.control.loop import StepRecord
 from pipeline.control.motion import motion_length
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 
     from pipeline.detection.settings import EvaluationSettings
 
-SETTLED_STOPS = 0.25
 LOST_SATURATED, LOST_MEAN = 0.25, 0.05
 CEILING = "oracle"
 """Policy that regret is measured against."""
@@ -78,22 +78,6 @@ def score(records: Sequence[StepRecord], criteria: EvaluationSettings, seed: int
     results = [Detections.of(**arrays) for record in records for arrays in record.detections]
     seen = [view for record in records for view in record.views]
     return average_precision(results, seen, criteria, stream(seed, "closed loop score"))
-
-
-def settling_frames(stops: NDArray[np.float64], start: int, end: int) -> float:
-    """Frames after a disturbance until brightness stays within a quarter stop of its last value; NaN if it never does.
-
-    Args:
-        stops: (S,) log2 of light x time x gain per step.
-        start: step of the disturbance.
-        end: step of the next one, or the number of steps.
-    """
-    part = stops[start:end]
-    outside = np.flatnonzero(np.abs(part - part[-1]) > SETTLED_STOPS)
-    if not outside.size:
-        return 0.0
-    settled = int(outside[-1]) + 1
-    return float(settled) if settled < len(part) - 1 else float("nan")
 
 
 def transients(scenario: Scenario, table: pd.DataFrame) -> dict[str, float]:

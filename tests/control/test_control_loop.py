@@ -231,13 +231,6 @@ def test_there_are_at_most_as_many_folds_as_viewpoints(viewpoints, count, number
     assert sum(map(len, parts)) == 2 * viewpoints
 
 
-def test_settling_is_counted_from_the_disturbance():
-    stops = np.array([0.0, -4.0, -2.0, -0.1, 0.0, 0.05, 0.0])
-    assert evaluation.settling_frames(stops, 1, 7) == 2
-    assert np.isnan(evaluation.settling_frames(np.array([0.0, 1, 2, 3, 4, 5]), 0, 6))
-    assert evaluation.settling_frames(np.zeros(5), 0, 5) == 0
-
-
 def drive_of(times_ms, isos, light):
     """The columns of one fold that transients are read from."""
     columns = {"exposure_ms": times_ms, "iso": isos, "light": light}

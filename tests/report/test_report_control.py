@@ -76,6 +76,22 @@ def test_average_precision_and_regret_have_their_intervals(section: Section) -> 
     assert {row.get("settling_frames") for row in lines if row["policy"] == "Oracle"} == {None}
 
 
+def test_the_course_of_drives_has_intervals_over_scenarios(section: Section) -> None:
+    """Exposure times fall, the gain makes up for them: settings change in every frame and never turn."""
+    rows = {row["policy"]: row for row in _table(section, "control_course").rows}
+    ours, fixed = rows["IOPC continuous"], rows["Fixed"]
+    assert ours["scenarios"] == len(SCENARIOS)
+    assert ours["writes_per_s"].value == 30.0 and ours["reversals_per_s"] == Estimate(0.0, 0.0, 0.0)
+    expected = np.mean([4.0 + step for step in range(made.N_STEPS)])
+    assert ours["sigma_dn"].value == expected and ours["sigma_dn"].has_interval
+    assert ours["motion_px"].low < ours["motion_px"].value < ours["motion_px"].high
+    assert ours["unestimated_percent"].value == 0.0 and not np.isfinite(fixed["unestimated_percent"].value)
+    by_scenario = _table(section, "control_course_scenarios").rows
+    assert {(row["scenario"], row["policy"]) for row in by_scenario} >= {("Dusk drive", "Oracle"), ("Standing", "Shim")}
+    standing = next(row for row in by_scenario if row["scenario"] == "Standing" and row["policy"] == "Shim")
+    assert standing["motion_px"] == 0.0 and not np.isfinite(standing["unestimated_percent"])
+
+
 def test_paired_differences_say_which_policies_are_beaten(section: Section) -> None:
     rows = {(row["scenario"], row["policy"]): row for row in _table(section, "control_pairs").rows}
     row = rows["Dusk drive", "IOPC continuous"]

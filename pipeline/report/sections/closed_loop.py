@@ -14,6 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullFormatter, NullLocator
 from numpy.typing import NDArray
 
+from pipeline.cluster_intervals import cluster_mean
+from pipeline.control.course import COURSE, course
 from pipeline.control.largest_loss import LargestLoss, largest_loss
 from pipeline.control.scenario_result import BRIGHTNESS_ONLY, OURS, ScenarioResult
 from pipeline.control.tables import PAIRS, STEPS, SUMMARY
@@ -25,6 +27,7 @@ from pipeline.report.inputs import Benchmark, ReportInputs
 from pipeline.report.spec import Block
 from pipeline.report.tables import Estimate, Table, format_number, ordered, records, where
 from pipeline.stage_files import optional
+from pipeline.streams import stream
 
 CONTROL = Descriptions("control")
 LOOKS: dict[str, style.Look] = {
@@ -116,6 +119,33 @@ def measures(results: Sequence[ScenarioResult], decision_ms: Mapping[str, float]
         "decision_ms": lambda row: decision_ms.get(row["policy"].replace("iopc_lamp", "iopc_continuous")),
     }
     return CONTROL.table("control_measures", _summary(results), cells=cells)
+
+
+def courses(results: Sequence[ScenarioResult]) -> pd.DataFrame:
+    """`course` of every drive; the share of frames without an estimate only of policies that ask for estimates."""
+    drives = pd.concat([course(result.steps).assign(**_head(result)) for result in results], ignore_index=True)
+    asks = drives.groupby("policy")["unestimated_percent"].transform("min") < 100.0
+    return drives.assign(unestimated_percent=drives["unestimated_percent"].where(asks))
+
+
+def course_by_policy(drives: pd.DataFrame) -> Table:
+    """Course of the drives of each policy: mean over all, with intervals over the scenarios."""
+    rows: list[dict[str, Any]] = []
+    for policy, table in drives.groupby("policy", sort=False):
+        row: dict[str, Any] = {"policy": policy, "scenarios": table["scenario"].nunique()}
+        for name in COURSE:
+            highest = 100.0 if name.endswith("_percent") else math.inf
+            generator = stream(0, "course of the closed loop", name)
+            row[name] = Estimate(*cluster_mean(table[name], table["scenario"], generator, bounds=(0.0, highest))[:3])
+        rows.append(row)
+    return CONTROL.table("control_course", ordered(pd.DataFrame(rows), policy=POLICIES))
+
+
+def course_by_scenario(drives: pd.DataFrame) -> Table:
+    """Course of the drives of each policy in each scenario: mean over the folds."""
+    means = drives.groupby(["scenario", "policy"], sort=False, as_index=False)[list(COURSE)].mean()
+    rows = ordered(means, scenario=list(drives["scenario"].unique()), policy=POLICIES)
+    return CONTROL.table("control_course_scenarios", rows)
 
 
 def _settling(frames: float) -> str:
@@ -297,5 +327,6 @@ def blocks(results: Sequence[ScenarioResult], inputs: ReportInputs) -> list[Bloc
     films = [
         CONTROL.figure("control_film", strip(one), file=one.name, scenario=scenario_word(one.name)) for one in results
     ]
+    drives = courses(results)
     tables = [overview(results), pairs(results), *([lost] if lost.rows else []), measures(results, times)]
-    return [*tables, *films]
+    return [*tables, course_by_policy(drives), course_by_scenario(drives), *films]
