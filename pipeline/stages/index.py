@@ -19,8 +19,11 @@ def run(run: Run) -> None:
     from pipeline.datasets.index import index
     from pipeline.datasets.open import open_section
     from pipeline.datasets.selection import with_options
+    from pipeline.linked_folders import refuse_linked_folders
 
     name, params = run.job["dataset"], run.params
+    refuse_linked_folders(params.datasets[name].root, f"datasets.{name}.root")
+    refuse_linked_folders(params.datasets[name].options.get("images"), f"datasets.{name}.options.images")
     dataset = open_section(name, params.datasets[name])
     result = index(
         dataset,

@@ -11,8 +11,10 @@ def run(run: Run) -> None:
     from pipeline import store
     from pipeline.camera.kernel_bank import configured
     from pipeline.camera.psf import stored
+    from pipeline.linked_folders import refuse_linked_folders
 
     psf = run.params.psf
+    refuse_linked_folders(psf.folder, "psf.folder")
     kernels = configured(psf, run.params.camera.kind, run.params.seed)
     with store.replacing_folder(run.outputs / "data/psf") as folder:
         rows = stored.write(folder, kernels, psf.source)

@@ -19,10 +19,12 @@ def run(run: Run) -> None:
     from pipeline.experiments import real_noise_tables as tables
     from pipeline.experiments.real_noise import measure_pairs, measure_raw, real_noise_metrics
     from pipeline.experiments.sensor_constants import sensor_constants
+    from pipeline.linked_folders import refuse_linked_folders
     from pipeline.noise.real_noise import summarise
 
     name, settings = run.job["recording"], run.params.real_noise
     section, label = settings.recordings[name], f"noise of {name}"
+    refuse_linked_folders(section.folder, f"real_noise.recordings.{name}.folder")
     kinds = {key: (estimator.kind, estimator.options) for key, estimator in settings.estimators.items()}
     metrics: dict[str, object] = {"ran": section.folder is not None}
     with store.replacing_folder(run.outputs / "data/real_noise" / name) as out:

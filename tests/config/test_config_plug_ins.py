@@ -77,6 +77,16 @@ def test_other_files_of_a_package_do_not_change_its_hash_and_names_do(package: P
     assert digest("pipeline.noise", "columns") != before
 
 
+def test_code_behind_a_linked_folder_of_a_package_counts_and_a_link_to_itself_ends(package: Path) -> None:
+    plain = digest("pipeline.noise", "columns")
+    (package / "inner").rename(package.parent / "elsewhere")
+    (package / "inner").symlink_to(package.parent / "elsewhere")
+    (package / "itself").symlink_to(package)
+    assert digest("pipeline.noise", "columns") == plain
+    (package.parent / "elsewhere/helper.py").write_text("SIZE = 2\n")
+    assert digest("pipeline.noise", "columns") != plain
+
+
 def test_a_module_without_package_counts_as_its_file(package: Path) -> None:
     (package.parent / "things_of_mine-1.0.dist-info/entry_points.txt").write_text(
         "[pipeline.noise]\na = lone_thing:A\n"

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import os
+from collections.abc import Iterator
 from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
@@ -41,8 +43,17 @@ def _files(package: str) -> list[tuple[str, Path]]:
         if spec is not None and spec.submodule_search_locations is not None:
             folders = [Path(folder) for folder in spec.submodule_search_locations]
             return sorted(
-                (path.relative_to(folder).as_posix(), path) for folder in folders for path in folder.rglob("*.py")
+                (path.relative_to(folder).as_posix(), path) for folder in folders for path in _python_files(folder)
             )
         if spec is not None and spec.has_location and spec.origin:
             return [(Path(spec.origin).name, Path(spec.origin))]
     return []
+
+
+def _python_files(folder: Path) -> Iterator[Path]:
+    """Python files below a folder, those behind links to folders among them; no folder is entered twice."""
+    entered: set[str] = set()
+    for parent, below, files in os.walk(folder, followlinks=True):
+        entered.add(os.path.realpath(parent))
+        below[:] = [name for name in sorted(below) if os.path.realpath(Path(parent, name)) not in entered]
+        yield from (Path(parent, name) for name in files if name.endswith(".py"))
