@@ -16,7 +16,7 @@ from typing import Any
 
 from pipeline import yaml_text
 from pipeline.dependencies.closure import ROOT, closure, registered
-from pipeline.dependencies.source_file import PACKAGE
+from pipeline.dependencies.source_file import PACKAGE, read_source
 from pipeline.dependencies.stage_groups import (
     ESTIMATORS,
     ROOTED,
@@ -129,6 +129,55 @@ def differences(text: str, params: Mapping[str, Any], root: Path = ROOT) -> list
             f"dvc.yaml: stage '{group.name}': remove from deps:  - {line}" for line in declared if line not in wanted
         ]
     return problems
+
+
+def unlisted(graph: Mapping[str, Any], params: Mapping[str, Any], root: Path = ROOT) -> list[str]:
+    """Built-in registry names that parameters choose for a stage without their module among its ``deps``.
+
+    `differences` finds these too, but reads all source for it; here a list of names that was written for other
+    parameters is noticed in the time of reading ``dvc.yaml``.
+
+    Args:
+        graph: content of ``dvc.yaml``.
+        params: content of ``params.yaml``.
+        root: folder that holds the package.
+
+    Returns:
+        ``STAGE: NAME, NAME``, one for each stage.
+    """
+    modules = dict[str, Mapping[str, str]]()
+    result = []
+    for group in groups(graph, params):
+        listed = group.body.get("deps", [])
+        chosen = [item for job in group.jobs() for item in chosen_of(group, job, params).items()]
+        names = set()
+        for registry, kinds in chosen:
+            if registry not in modules:
+                modules[registry] = _module_files(registry, root)
+            files = modules[registry]
+            names |= {name for name in kinds & files.keys() if not _is_listed(files[name], listed)}
+        if names:
+            result.append(f"{group.name}: {', '.join(sorted(names))}")
+    return result
+
+
+def _module_files(registry: str, root: Path) -> Mapping[str, str]:
+    """Built-in names of a registry -> their source files; none where no module of the package has the group's name."""
+    path = _source_file(registry, root)
+    if path is None:
+        return {}
+    targets = read_source((root / path).read_text(encoding="utf-8"), registry, True).registries.get(registry, {})
+    files = {name: _source_file(target, root) for name, target in targets.items()}
+    return {name: file for name, file in files.items() if file is not None}
+
+
+def _source_file(module: str, root: Path) -> str | None:
+    base = module.replace(".", "/")
+    return next((path for path in (f"{base}.py", f"{base}/__init__.py") if (root / path).is_file()), None)
+
+
+def _is_listed(path: str, listed: Sequence[str]) -> bool:
+    return any(path == line or path.startswith(f"{line.rstrip('/')}/") for line in listed)
 
 
 def _without_group(graph: Mapping[str, Any], params: Mapping[str, Any], root: Path) -> list[str]:

@@ -7,7 +7,8 @@ import signal
 import sys
 from collections.abc import Sequence
 
-from pipeline.dvc import at_once, experiment, lock_file, read_once
+from pipeline.dvc import at_once, experiment, loaded_once, lock_file, locked_once, read_once
+from pipeline.dvc.checked_params import check_params
 from pipeline.errors import InputError
 from pipeline.signals import handled
 
@@ -26,28 +27,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    read_once.install()
+    for each in (read_once, loaded_once, locked_once):
+        each.install()
     writer = lock_file.install()
     with contextlib.ExitStack() as handlers:
         if is_reproduction or is_experiment:
             handlers.enter_context(handled([signal.SIGTERM], at_once.install(writer).end))
         return int(run_dvc(arguments))
-
-
-def check_params() -> None:
-    """Refuse a ``params.yaml`` that ``conf/`` does not give.
-
-    The stage `config` compares them too, but is no stage that a target depends on, and DVC knows nothing of third
-    parties' packages, whose hashes are in ``params.yaml``.
-
-    Raises:
-        InputError: see `pipeline.config.compose.check`.
-    """
-    from pipeline.config.compose import CONF, check
-    from pipeline.config.references import check_references
-
-    if CONF.is_dir():
-        check(further=check_references)
 
 
 if __name__ == "__main__":

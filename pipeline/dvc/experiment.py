@@ -1,17 +1,19 @@
 """Settings of ``dvc exp run -S``, checked before DVC starts: its own message spans lines and names no key nearby.
 
 An experiment of ``--queue`` or ``--temp`` runs in a copy of what git tracks, where relative paths below ``data/raw``
-lead to nothing; they are refused here.
+lead to nothing; they are refused here. So are estimators whose code ``dvc.yaml`` does not list.
 """
 
 from __future__ import annotations
 
 import argparse
 import os.path
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pipeline.dvc.checked_params import check_names
 from pipeline.errors import InputError
 
 CONF, PARAMS = Path("conf"), "params.yaml"
@@ -32,6 +34,7 @@ def _given(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("-C", "--copy-paths", action="append", default=[])
     parser.add_argument("--queue", action="store_true")
     parser.add_argument("--temp", action="store_true")
+    parser.add_argument("--run-all", action="store_true")
     return parser.parse_known_args(list(arguments))[0]
 
 
@@ -48,10 +51,10 @@ def check(arguments: Sequence[str]) -> None:
         arguments: of ``dvc exp run``.
 
     Raises:
-        InputError: a key, option, name or folder that does not exist, a value out of range, or a path that leads to
-            nothing where the experiment will run.
+        InputError: a key, option, name or folder that does not exist, a value out of range, a path that leads to
+            nothing where the experiment will run, or an estimator whose code ``dvc.yaml`` does not list.
     """
-    from pipeline.config.overrides import check_overrides
+    from pipeline.config.overrides import check_overrides, parsed
     from pipeline.config.references import check_references
 
     overrides, given = settings(arguments), _given(arguments)
@@ -59,10 +62,14 @@ def check(arguments: Sequence[str]) -> None:
 
     def further(config: Any) -> None:
         check_references(config)
+        swept = any(override.is_sweep_override() for override in parsed(overrides))
+        words = ["KEY=VALUE"] if swept else overrides
+        more = " for each value, and queue it by itself" if swept else ""
+        check_names(config.model_dump(), shlex.join(["python", "-m", "pipeline.config", *words]), more)
         if in_copy:
             _check_copy(config, given.copy_paths)
 
-    if CONF.is_dir() and (overrides or in_copy):
+    if CONF.is_dir() and not given.run_all:  # those were checked when they were queued
         check_overrides(overrides, CONF, further)
 
 

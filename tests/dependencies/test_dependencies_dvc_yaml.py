@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 from pipeline.condition.estimate import ConditionMonitor
+from pipeline.config.compose import compose
 from pipeline.dependencies import dvc_yaml
 from pipeline.dependencies.closure import closure
 from pipeline.dependencies.stage_groups import ESTIMATORS, groups
@@ -123,3 +124,25 @@ def test_every_stage_module_can_be_followed():
 def test_stages_of_third_parties_depend_on_what_their_classes_derive_from(name):
     registry = next(iter(GROUPS[name].kinds))
     assert covered(GROUPS[name], f"{registry.replace('.', '/')}/base.py")
+
+
+@pytest.mark.parametrize(
+    ("overrides", "listed"),
+    [
+        ([], []),
+        (["profile=smoke"], []),
+        (["+detector@detection.detectors.yolox=yolox"], []),
+        (["+noise.estimators.mine={kind: immerkaer}"], []),
+        (["+real_noise.estimators.cnn={kind: cnn}"], ["real_noise: cnn"]),
+        (["detection.measure.sigma=pca", "detection.measure.mtf=gbb"], ["measured: gbb, pca"]),
+        (["combined.noise_estimators=[bf]"], ["combined: bf"]),
+    ],
+)
+def test_a_name_whose_code_is_not_listed_is_noticed_as_by_the_whole_comparison(overrides, listed, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    params = yaml.safe_load(compose(overrides))
+    assert dvc_yaml.unlisted(GRAPH, params) == listed
+    added = {line.split("'")[1] for line in dvc_yaml.differences(TEXT, params) if "add to deps" in line}
+    assert added == {line.partition(":")[0] for line in listed}
+    written = yaml.safe_load(dvc_yaml.rewritten(TEXT, params))
+    assert dvc_yaml.unlisted(written, params) == []

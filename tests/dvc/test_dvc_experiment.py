@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import shutil
+from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 
 import pytest
 
+from pipeline.config.compose import compile_params
+from pipeline.config.hydra_plugins.plug_in_sources import digest
 from pipeline.dvc import experiment
-from pipeline.dvc.__main__ import check_params, main
+from pipeline.dvc.__main__ import main
+from pipeline.dvc.checked_params import check_params, entry_points_once
 from pipeline.errors import InputError
+from pipeline.noise import REGISTRY as NOISE
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -84,3 +90,48 @@ def test_reproducing_refuses_params_that_conf_does_not_give(
     assert "+seed: 2" in error and "run 'make params'" in error
     (tmp_path / "params.yaml").write_text(params)
     check_params()
+
+
+def test_names_whose_code_dvc_does_not_watch_are_refused_with_the_commands_that_list_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write = "python -m pipeline.dependencies --write'"
+    setting = "detection.measure.sigma=bf"
+    with pytest.raises(InputError, match=r"measured: bf.*run 'python -m pipeline\.config " + f"{setting} && {write}$"):
+        experiment.check(["exp", "run", "-S", setting, "report"])
+    with pytest.raises(InputError, match=f"config KEY=VALUE && {write} for each value, and queue it by itself$"):
+        experiment.check(["exp", "run", "--queue", "-S", "detection.measure.sigma=bf,pca"])
+    for name in ("pipeline", "data", "dvc.yaml"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    conf = shutil.copytree(ROOT / "conf", tmp_path / "conf")
+    option = conf / "experiment/iopc.yaml"
+    before = option.read_text()
+    option.write_text(before.replace("sigma: cellwise", "sigma: bf"))
+    assert option.read_text() != before
+    monkeypatch.chdir(tmp_path)
+    compile_params()
+    with pytest.raises(InputError, match=f"measured: bf.*run '{write}$"):
+        check_params()
+    with pytest.raises(InputError, match="measured: bf"):
+        experiment.check(["exp", "run"])
+    option.write_text(before)
+    compile_params()
+    check_params()
+    experiment.check(["exp", "run"])
+
+
+def test_entry_points_are_looked_up_once_in_a_check_and_anew_after_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+    points = EntryPoints([EntryPoint("mine", "yaml:Loader", "pipeline.noise"), EntryPoint("b", "yaml:Loader", "other")])
+
+    def counted(**given: str) -> EntryPoints:
+        asked.append(given)
+        return points.select(**given)
+
+    monkeypatch.setattr("pipeline.dvc.checked_params.entry_points", counted)
+    with pytest.raises(KeyError), entry_points_once():
+        assert "mine" in NOISE.names() and "b" not in NOISE.names()
+        assert digest("pipeline.noise", "mine") is not None and digest("pipeline.noise", "pca") is None
+        raise KeyError
+    assert asked == [{}]
+    assert "mine" not in NOISE.names() and digest("pipeline.noise", "mine") is None
