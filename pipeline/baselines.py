@@ -68,35 +68,53 @@ class Failure:
     why: str
 
 
-def flatten(content: Any, prefix: str = "") -> dict[str, Any]:
-    """The leaves of nested JSON by dotted path; a list's items are numbered; an empty list or object is a leaf."""
-    items: list[tuple[str, Any]] = []
-    if isinstance(content, Mapping) and content:
-        items = [(str(key), value) for key, value in content.items()]
-    elif isinstance(content, list) and content:
-        items = [(str(index), value) for index, value in enumerate(content)]
-    else:
-        return {prefix: content}
+def flatten(content: Any, where: str = "") -> dict[str, Any]:
+    """The leaves of nested JSON by dotted path; a list's items are numbered; an empty list or object is a leaf.
+
+    Args:
+        content: of a JSON file.
+        where: the file, for messages.
+
+    Raises:
+        InputError: two leaves have the same path, since a key may hold a dot, or an integer exceeds double precision.
+    """
+    start = f"{where}: " if where else ""
     leaves: dict[str, Any] = {}
-    for key, value in items:
-        leaves.update(flatten(value, f"{prefix}.{key}" if prefix else key))
+    waiting = [("", content)]
+    while waiting:
+        path, value = waiting.pop()
+        if isinstance(value, (Mapping, list)) and value:
+            items = list(value.items() if isinstance(value, Mapping) else enumerate(value))
+            waiting += [(f"{path}.{key}" if path else str(key), item) for key, item in reversed(items)]
+            continue
+        if path in leaves:
+            raise InputError(f"{start}two values have the name '{path}'; give one of their keys without a dot")
+        if isinstance(value, int) and abs(value) > sys.float_info.max:
+            raise InputError(f"{start}'{path}' is an integer of {len(str(abs(value)))} digits, which no float holds")
+        leaves[path] = value
     return leaves
+
+
+def metric_files(folder: Path) -> list[Path]:
+    """JSON files beneath a folder, sorted; not those that begin with a dot, or lie in such a folder: half-written."""
+    paths = (path for path in folder.rglob("*.json") if path.is_file())
+    return sorted(path for path in paths if not any(part.startswith(".") for part in path.relative_to(folder).parts))
 
 
 def read_metrics(folder: str | Path) -> dict[str, Any]:
     """Every leaf of every JSON file beneath a folder, as ``relative/file.json:key``.
 
     Raises:
-        InputError: the folder is absent or holds no JSON.
+        InputError: the folder is absent or holds no JSON, or see `flatten`.
     """
     folder = Path(folder)
-    paths = sorted(folder.rglob("*.json")) if folder.is_dir() else []
+    paths = metric_files(folder) if folder.is_dir() else []
     if not paths:
         raise InputError(f"{folder}: no metrics (*.json) here; run dvc repro, or name the right folder")
     leaves = {}
     for path in paths:
         name = path.relative_to(folder).as_posix()
-        leaves.update({f"{name}:{key}": value for key, value in flatten(read_json(path)).items()})
+        leaves.update({f"{name}:{key}": value for key, value in flatten(read_json(path), str(path)).items()})
     return leaves
 
 
@@ -104,7 +122,7 @@ def read_tolerances(path: str | Path) -> dict[str, Allowance]:
     """Patterns of metric names with what they allow, in the file's order.
 
     Raises:
-        InputError: the file is absent, not YAML, or an entry has an unknown or ill-typed setting.
+        InputError: the file is absent, not YAML of UTF-8, or an entry has an unknown or ill-typed setting.
     """
     import yaml
 
@@ -113,7 +131,9 @@ def read_tolerances(path: str | Path) -> dict[str, Allowance]:
         content = yaml_text.parse(path.read_text(encoding="utf-8")) or {}
     except FileNotFoundError:
         raise InputError(f"{path}: no such file of tolerances; name it with --tolerances") from None
-    except yaml.YAMLError as error:
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not valid YAML ({error})") from None
     if not isinstance(content, dict):
         raise InputError(f"{path}: expected a mapping from patterns to {{abs, rel, direction}}")
@@ -131,7 +151,7 @@ def _allowance(path: Path, pattern: str, entry: Any) -> Allowance:
     bounds = []
     for key in ("abs", "rel"):
         value = entry.get(key, 0.0)
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value < math.inf:
+        if not _is_number(value) or not 0 <= value <= sys.float_info.max:
             hint = " (YAML reads 1e-6 as text; write 1.0e-6)" if isinstance(value, str) else ""
             raise InputError(f"{path}: '{pattern}' {key} must be a number of at least 0, not {value!r}{hint}")
         bounds.append(float(value))
@@ -206,21 +226,36 @@ def update(metrics_dir: str | Path, baselines_dir: str | Path) -> int:
         how many numbers were stored.
 
     Raises:
-        InputError: there are no metrics, or one is null or not finite, which no later run could meet.
+        InputError: there are no metrics, or one is null or not finite, which no later run could meet; or the folder
+            of the stored ones holds anything else, or cannot be replaced.
     """
     result = read_metrics(metrics_dir)
     for metric, value in result.items():
         if value is None or (_is_number(value) and not math.isfinite(value)):
             raise InputError(f"{metric} is null or not finite; mend the stage that writes it before storing a baseline")
     source, target = Path(metrics_dir), Path(baselines_dir)
-    kept = {path.relative_to(target): path.read_text("utf-8") for path in sorted(target.rglob("*.yaml"))}
-    with replacing_folder(target) as folder:
-        for name, text in kept.items():
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            (folder / name).write_text(text, encoding="utf-8")
-        for path in sorted(source.rglob("*.json")):
-            write_json(folder / path.relative_to(source), read_json(path))
+    _refuse_others(target, source)
+    try:
+        kept = {path.relative_to(target): path.read_bytes() for path in sorted(target.rglob("*.yaml"))}
+        with replacing_folder(target) as folder:
+            for name, content in kept.items():
+                (folder / name).parent.mkdir(parents=True, exist_ok=True)
+                (folder / name).write_bytes(content)
+            for path in metric_files(source):
+                write_json(folder / path.relative_to(source), read_json(path))
+    except OSError as error:
+        raise InputError(f"{target}: baselines not stored in full ({error.strerror})") from None
     return len(result)
+
+
+def _refuse_others(target: Path, source: Path) -> None:
+    """Refuse to replace a folder that holds anything but baselines and tolerances."""
+    for inside in (Path.cwd(), source):
+        if inside.resolve().is_relative_to(target.resolve()):
+            raise InputError(f"{target}: holds {inside.resolve()}, which storing baselines there would delete")
+    for path in sorted(target.rglob("*")) if target.is_dir() else ():
+        if not path.is_dir() and path.suffix not in (".json", ".yaml"):
+            raise InputError(f"{target}: holds {path.relative_to(target)}, which storing baselines there would delete")
 
 
 def _shown(value: Any) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -89,6 +90,43 @@ def test_a_nan_in_the_baseline_fails_too(tmp_path: Path) -> None:
     assert [item.why for item in check(result, stored, tolerances(tmp_path))] == ["found is null or not finite"]
 
 
+@pytest.mark.parametrize(
+    "content",
+    [{"c.d": 5, "c": {"d": 6}}, {"c": {"d": 6}, "c.d": 5}, {"a": [1, 2], "a.0": 1}, {"": 1, "a": {"": 3}, "a.": 2}],
+)
+def test_two_values_of_one_name_are_refused_with_the_file(tmp_path: Path, content: Any) -> None:
+    stored, result = write(tmp_path / "stored", STORED), write(tmp_path / "found", content)
+    with pytest.raises(InputError, match=r"found/noise/sim-pca\.json: two values have the name '[ac]\.[d0]?'"):
+        check(result, stored, tolerances(tmp_path))
+
+
+def test_leaves_keep_their_order_and_may_lie_deep() -> None:
+    content: Any = 1.0
+    for _ in range(5000):
+        content = [content]
+    assert flatten(content) == {".".join(["0"] * 5000): 1.0}
+    assert list(flatten({"b": {"z": 1, "a": []}, "a": [True, {}, None]}).items()) == [
+        ("b.z", 1), ("b.a", []), ("a.0", True), ("a.1", {}), ("a.2", None),
+    ]  # fmt: skip
+    assert flatten(3) == {"": 3}
+
+
+def test_half_written_files_are_no_metrics(tmp_path: Path) -> None:
+    stored, result = write(tmp_path / "stored", STORED), write(tmp_path / "found", STORED)
+    for name in (
+        ".writing-a.json",
+        "noise/.writing-b.json",
+        ".writing-folder/c.json",
+        ".replaced-noise-x/noise/c.json",
+    ):
+        write(result, {"a": 1}, name)
+    assert check(result, stored, tolerances(tmp_path)) == []
+    assert update(result, stored) == len(flatten(STORED))
+    assert [path.name for path in stored.rglob("*.json")] == ["sim-pca.json"]
+    with pytest.raises(InputError, match="no metrics"):
+        check(write(tmp_path / "only", {"a": 1}, ".writing-a.json"), stored, tolerances(tmp_path))
+
+
 def test_a_list_that_lost_an_item_or_became_empty_fails(tmp_path: Path) -> None:
     assert [item.metric[-6:] for item in failures(tmp_path, changed("list", [1.0]))] == ["list.1"]
     assert len(failures(tmp_path, changed("list", []))) == 3
@@ -136,6 +174,7 @@ def test_directions_split_the_two_sided_rule(stored: float, found: float, absolu
         ('"a*": 3', "expects"),
         ("- a", "expected a mapping"),
         ("a: b: c", "not valid YAML"),
+        (f'"a*": {{abs: {"9" * 400}}}', "at least 0"),
     ],
 )
 def test_bad_tolerances_are_refused(tmp_path: Path, text: str, message: str) -> None:
@@ -158,6 +197,53 @@ def test_update_replaces_what_is_stored_and_keeps_tolerances(tmp_path: Path) -> 
     write(tmp_path / "found", {"a": None}, "bad.json")
     with pytest.raises(InputError, match=r"bad\.json:a is null"):
         update(result, stored)
+
+
+def one_line(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    """What the command line says about wrong input."""
+    assert main([str(argument) for argument in arguments]) == 2
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1
+    return message
+
+
+def test_what_no_number_or_text_holds_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    stored, result = write(tmp_path / "b", STORED), write(tmp_path / "m", {"n": {"x": -int("9" * 400)}})
+    (stored / "tolerances.yaml").write_bytes(b"default: {abs: 1} # \xe4")
+    line = ("--metrics", result, "--baselines", stored)
+    assert "b/tolerances.yaml: not valid YAML" in one_line(capsys, *line)
+    assert "b: cannot be read" in one_line(capsys, *line, "--tolerances", stored)
+    (stored / "tolerances.yaml").unlink()
+    tolerances(tmp_path)
+    assert "sim-pca.json: 'n.x' is an integer of 400 digits" in one_line(capsys, *line)
+    assert "400 digits" in one_line(capsys, *line, "--update")
+    write(tmp_path / "m", STORED)
+    (stored / "tolerances.yaml").write_bytes(b"# \xe4")
+    assert main([str(word) for word in (*line, "--update")]) == 0
+    assert (stored / "tolerances.yaml").read_bytes() == b"# \xe4"
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        (".", "which storing baselines there would delete"),
+        ("..", "which storing baselines there would delete"),
+        ("m", "m: holds .*/here/m, which"),
+        ("notes", r"notes: holds deep/notes\.md, which"),
+        ("held.json", r"held\.json.*: baselines not stored in full \(Not a directory\)"),
+    ],
+)
+def test_nothing_but_baselines_is_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], name: str, message: str
+) -> None:
+    here = tmp_path / "here"
+    write(here / "m", STORED)
+    write(here / "notes", STORED, "deep/notes.md")
+    write(here, STORED, "held.json")
+    monkeypatch.chdir(here)
+    before = sorted(tmp_path.rglob("*"))
+    assert re.search(message, one_line(capsys, "--metrics", "m", "--baselines", name, "--update"))
+    assert sorted(tmp_path.rglob("*")) == before
 
 
 def test_the_command_line_tells_by_its_exit_status(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from pipeline.baselines import flatten, metric_files
 from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.numbers import FiniteRange
 from pipeline.errors import InputError
@@ -81,14 +82,14 @@ def metrics(path: Path) -> dict[str, Any]:
         ``FILE:key.key`` -> number or text.
 
     Raises:
-        InputError: no such report, or a damaged file.
+        InputError: no such report, a damaged file, or two values of one name.
     """
     if path.is_file():
         files, root = [path], path.parent
     else:
         folders = [path / inside for inside in ("reports/metrics", "metrics") if (path / inside).is_dir()]
         root = folders[0] if folders else path
-        files = sorted(root.rglob("*.json")) if root.is_dir() else []
+        files = metric_files(root) if root.is_dir() else []
     if not files:
         raise InputError(f"{path}: no metrics; expected a folder reports/ with metrics/*.json, or one JSON file")
     values: dict[str, Any] = {}
@@ -98,7 +99,7 @@ def metrics(path: Path) -> dict[str, Any]:
         except (OSError, ValueError, RecursionError) as error:
             raise InputError(f"{file}: not readable JSON ({error})") from None
         name = "" if path.is_file() else file.relative_to(root).with_suffix("").as_posix()
-        values |= {f"{name}:{key}": value for key, value in _leaves(content)}
+        values |= {f"{name}:{key}": value for key, value in flatten(content, str(file)).items()}
     return values
 
 
@@ -127,16 +128,6 @@ def compare(old: dict[str, Any], new: dict[str, Any], tolerance: float) -> list[
             continue
         rows.append({"name": name, "before": before, "after": after, "relative": relative})
     return sorted(rows, key=lambda row: (row["relative"] is not None, -abs(row["relative"] or 0.0), row["name"]))
-
-
-def _leaves(content: Any, start: str = "") -> list[tuple[str, Any]]:
-    if isinstance(content, dict):
-        items = [(str(key), value) for key, value in content.items()]
-    elif isinstance(content, list):
-        items = [(str(index), value) for index, value in enumerate(content)]
-    else:
-        return [(start, content)]
-    return [leaf for key, value in items for leaf in _leaves(value, f"{start}.{key}" if start else key)]
 
 
 def _text(value: Any) -> str:

@@ -149,6 +149,16 @@ def test_report_diff_takes_folders_of_metrics_and_single_files_and_refuses_other
     assert compare({"a": float("nan")}, {"a": float("nan")}, 0.0) == []
     (old / "metrics/noise.json").write_text("{")
     assert "not readable JSON" in call("report", "diff", old, old).output
+    for content, words in (
+        ('{"c.d": 5, "c": {"d": 6}}', "two values have the name 'c.d'"),
+        (f'{{"x": {"9" * 400}}}', "'x' is an integer of 400 digits"),
+    ):
+        (old / "metrics/noise.json").write_text(content)
+        done = call("report", "diff", old, old)
+        assert done.exit_code == 2 and f"noise.json: {words}" in done.output.replace("\n", " "), done.output
+    (old / "metrics/noise.json").write_text('{"x": 1.0, "none": []}')
+    (old / "metrics/.writing-a.json").write_text("{")
+    assert metrics(old) == {"noise:x": 1.0, "noise:none": []}
     assert "no metrics" in call("report", "diff", tmp_path / "absent", old).output
 
 
