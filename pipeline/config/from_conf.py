@@ -5,12 +5,13 @@ from __future__ import annotations
 import itertools
 import sys
 import time
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import InputError
+from pipeline.store import FULL
 
 if TYPE_CHECKING:
     from pipeline.config.entry import Stage
@@ -40,10 +41,12 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
     def entry(composed: DictConfig) -> None:
         from hydra.core.hydra_config import HydraConfig
 
-        outputs = Path(HydraConfig.get().runtime.output_dir)
+        hydra_settings = HydraConfig.get()
+        outputs = Path(hydra_settings.runtime.output_dir)
         content: Any = OmegaConf.to_container(composed, resolve=True)
         job = {key: str(value) for key, value in (content.pop("job", None) or {}).items()}
         with plain_errors():
+            refuse_chdir(hydra_settings.job.chdir)
             config = validate(content, "conf/")
             root = Path(config.root)
             check_outputs(outputs)
@@ -57,6 +60,8 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
     options, words = split(arguments)
     overrides = parsed(words)
     for override in overrides:
+        if override.key_or_group == "hydra.job.chdir" and not override.is_sweep_override():
+            refuse_chdir(override.value())
         if override.key_or_group == "hydra.run.dir" and not override.is_sweep_override():
             check_outputs(Path(str(override.value())))  # before Hydra writes its records there
     for sentence in warnings(stage, arguments, CONF):
@@ -69,11 +74,28 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
     # Overrides of the user come last and win; Hydra takes them only without an option between them.
     sys.argv[1:] = [f"hydra.job.name={stage.name}", *folders, *words, *options]
     try:
-        hydra.main(version_base=None, config_path=str(CONF.resolve()), config_name="config")(entry)()
+        with plain_records():
+            hydra.main(version_base=None, config_path=str(CONF.resolve()), config_name="config")(entry)()
     finally:
         if sweep is not None:
             with suppress(OSError):  # it holds the sweep; empty where Hydra refused to start
                 sweep.rmdir()
+
+
+def refuse_chdir(chdir: object) -> None:
+    """Refuse that Hydra changes into a stage's output folder, where it would look for its inputs.
+
+    Args:
+        chdir: value of ``hydra.job.chdir``.
+
+    Raises:
+        InputError: it is on.
+    """
+    if chdir:
+        raise InputError(
+            f"hydra.job.chdir={str(chdir).lower()}: a stage finds its inputs from the project's top folder; leave it "
+            "out, hydra.run.dir=FOLDER says where results go"
+        )
 
 
 def check_outputs(folder: Path) -> None:
@@ -83,13 +105,42 @@ def check_outputs(folder: Path) -> None:
         folder: that Hydra was asked to write to.
 
     Raises:
-        InputError: it is the project itself, or the folder of a profile.
+        InputError: it is the project itself, or the folder of a profile, which links may lead to.
     """
-    project = Path.cwd().resolve()
-    if folder.resolve() == project or folder.resolve().parent == project / "runs":
+    project, runs, target = Path.cwd().resolve(), Path("runs").resolve(), folder.resolve()
+    profiles = [each.resolve() for each in runs.iterdir()] if runs.is_dir() else []
+    if target == project or target.parent == runs or target in profiles:
         raise InputError(
             f"hydra.run.dir={folder}: holds results of dvc repro, which a sweep must not replace; give another folder"
         )
+
+
+@contextmanager
+def plain_records() -> Iterator[None]:
+    """Meanwhile, a full disk is one line while Hydra writes its own records, too; it would show its stack."""
+    from hydra._internal import utils
+
+    from pipeline.config.entry import plain_errors
+
+    report = utils.run_and_report
+
+    def run_and_report(func: Any) -> Any:
+        def plain() -> Any:
+            with plain_errors():
+                try:
+                    return func()
+                except OSError as error:
+                    if error.errno in FULL and error.filename is None:
+                        error.filename = "records of Hydra in the output folder"
+                    raise
+
+        return report(plain)
+
+    utils.run_and_report = run_and_report
+    try:
+        yield
+    finally:
+        utils.run_and_report = report
 
 
 def fresh_folder(parent: Path) -> Path:

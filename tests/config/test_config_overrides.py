@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import shutil
 import subprocess
 import sys
@@ -96,6 +97,47 @@ def test_a_sweep_does_not_write_over_results_of_the_project() -> None:
     done = stage("hydra.run.dir=.")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1) and "hydra.run.dir=.: " in done.stderr
     assert not (ROOT / ".hydra").exists()
+
+
+def test_links_lead_to_results_of_the_project_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (project := tmp_path / "project").mkdir()
+    (tmp_path / "large/smoke").mkdir(parents=True)
+    (tmp_path / "larger/paper").mkdir(parents=True)
+    (project / "runs").symlink_to(tmp_path / "large")
+    (tmp_path / "large/paper").symlink_to(tmp_path / "larger/paper")
+    (tmp_path / "link").symlink_to(project)
+    monkeypatch.chdir(project)
+    for folder in ("runs/smoke", "runs/new", "../large/smoke", "runs/paper", "../larger/paper", "../link"):
+        with pytest.raises(InputError, match="results of dvc repro"):
+            check_outputs(Path(folder))
+    for folder in ("../larger", "outputs/sensor", "runs/smoke/sweep", "../larger/else"):
+        check_outputs(Path(folder))
+
+
+@pytest.mark.parametrize("arguments", [[], pytest.param(["--multirun"], marks=pytest.mark.full("one more takes 4 s"))])
+def test_changing_into_the_output_folder_is_refused_by_name(arguments: list[str], tmp_path: Path) -> None:
+    done = stage("hydra.job.chdir=true", f"hydra.run.dir={tmp_path}/one", *arguments)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+    assert done.stderr.startswith("error: hydra.job.chdir=true: ")
+    assert not (tmp_path / "one").exists()
+
+
+@pytest.mark.parametrize(
+    "arguments", [["{}"], pytest.param(["{}", "--multirun", "seed=1,2"], marks=pytest.mark.full("one more takes 5 s"))]
+)
+def test_a_full_disk_is_one_line_while_hydra_writes_its_records(arguments: list[str], tmp_path: Path) -> None:
+    small = 1024  # bytes of a file, which the composed configuration exceeds
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (small, small))
+
+    words = [word.format(f"hydra.run.dir={tmp_path}/one") for word in arguments] + [f"hydra.sweep.dir={tmp_path}/more"]
+    done = subprocess.run(
+        [sys.executable, "-B", "-m", "pipeline.stages.sensor", "profile=smoke", *words],
+        capture_output=True, text=True, preexec_fn=limit,
+    )  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    assert done.stderr == "error: records of Hydra in the output folder: File too large; make room and run again\n"
 
 
 @pytest.mark.parametrize("content", [b"source: [", b"source: \xff"])
