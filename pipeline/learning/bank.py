@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,8 @@ def kept(
 ) -> NDArray[Any]:
     """A bank from its file, or drawn and written to it; files of the same bank by older code are removed then.
 
+    A damaged file is named on standard error and replaced.
+
     Args:
         folder: of the cache; None keeps nothing.
         purpose: see `bank_file`, as for seed, count and code.
@@ -46,11 +49,19 @@ def kept(
     if folder is None:
         return draw()
     path = bank_file(folder, purpose, seed, count, code)
-    if not path.is_file():
-        drawn = draw()
-        with replacing(path) as temporary:
-            np.save(temporary, drawn, allow_pickle=False)
-        _remove_superseded(path)
+    if path.is_file():
+        try:
+            return _mapped(path)
+        except (OSError, EOFError, ValueError) as error:  # truncated, as by a full disk
+            print(f"warning: {path}: damaged ({' '.join(str(error).split())}); drawn anew", file=sys.stderr)
+    drawn = draw()
+    with replacing(path) as temporary:
+        np.save(temporary, drawn, allow_pickle=False)
+    _remove_superseded(path)
+    return _mapped(path)
+
+
+def _mapped(path: Path) -> NDArray[Any]:
     mapped: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
     return mapped
 

@@ -20,6 +20,22 @@ def test_it_is_drawn_once_and_mapped(tmp_path):
         assert one.dtype == np.float16 and np.array_equal(one, drawn)
 
 
+@pytest.mark.parametrize("left", [0, 3, 50, 130, 190])
+def test_a_truncated_file_is_named_and_drawn_anew(tmp_path, capsys, left):
+    drawn = np.arange(32, dtype=np.float32)
+    kept(tmp_path, "some things", 4, 2, CODE, lambda: drawn)
+    path = bank_file(tmp_path, "some things", 4, 2, CODE)
+    whole = path.read_bytes()
+    path.write_bytes(whole[:left])
+    assert np.array_equal(kept(tmp_path, "some things", 4, 2, CODE, lambda: drawn), drawn)
+    warning = capsys.readouterr().err
+    assert warning.startswith(f"warning: {path}: damaged (") and warning.endswith("); drawn anew\n")
+    assert warning.count("\n") == 1
+    assert path.read_bytes() == whole
+    kept(tmp_path, "some things", 4, 2, CODE, lambda: pytest.fail("drawn anew"))
+    assert not capsys.readouterr().err
+
+
 @pytest.mark.parametrize("other", [("others", 4, 2), ("some things", 5, 2), ("some things", 4, 3)])
 def test_another_bank_is_another_file(tmp_path, other):
     kept(tmp_path, "some things", 4, 2, CODE, lambda: np.zeros(2))
