@@ -3,7 +3,6 @@
 * `lock_file`: ``dvc.lock`` is written entry by entry;
 * `checked_params`: parameters that ``conf/`` does not give, or whose code ``dvc.yaml`` does not list, are refused;
 * `read_once`: parameters are parsed and files hashed once, not once per stage;
-* `loaded_once`, `locked_once`: a stage is loaded, and its files are locked, once;
 * `preloaded`: stages run in children of one process that has the libraries loaded;
 * `pipeline.freed_memory`: memory that a stage frees is kept for its next arrays;
 * `at_once`: stages that do not depend on each other run at once.

@@ -7,7 +7,7 @@ import signal
 import sys
 from collections.abc import Sequence
 
-from pipeline.dvc import at_once, experiment, loaded_once, lock_file, locked_once, read_once
+from pipeline.dvc import at_once, experiment, lock_file, read_once
 from pipeline.dvc.checked_params import check_params
 from pipeline.errors import InputError
 from pipeline.signals import handled
@@ -27,8 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    for each in (read_once, loaded_once, locked_once):
-        each.install()
+    read_once.install()
     writer = lock_file.install()
     with contextlib.ExitStack() as handlers:
         if is_reproduction or is_experiment:

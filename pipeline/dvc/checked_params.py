@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +9,6 @@ from pipeline import yaml_text
 from pipeline.errors import InputError
 
 GRAPH, PARAMS = Path("dvc.yaml"), Path("params.yaml")
-KEPT = Path(".dvc/tmp/parsed/conf.json")
 
 
 def check_params() -> None:
@@ -28,9 +24,8 @@ def check_params() -> None:
     from pipeline.config.references import check_references
 
     if CONF.is_dir():
-        with entry_points_once():
-            check(further=check_references, kept=KEPT if Path(".dvc").is_dir() else None)
-            check_names(yaml_text.parse(PARAMS.read_text(encoding="utf-8")))
+        check(further=check_references)
+        check_names(yaml_text.parse(PARAMS.read_text(encoding="utf-8")))
 
 
 def check_names(params: Any, compiled: str = "", more: str = "") -> None:
@@ -56,21 +51,3 @@ def check_names(params: Any, compiled: str = "", more: str = "") -> None:
             f"{GRAPH}: deps lack the code of what the parameters choose ({'; '.join(names)}), whose changes DVC would "
             f"not notice; run '{' && '.join(steps)}'{more}"
         )
-
-
-@contextlib.contextmanager
-def entry_points_once() -> Iterator[None]:
-    """Meanwhile, installed packages are asked once for their entry points, not once for each name and registry."""
-    from pipeline import registry
-    from pipeline.config.hydra_plugins import kinds, plug_in_sources
-
-    listed = entry_points()
-    modules: tuple[Any, ...] = (registry, kinds, plug_in_sources)
-    before = [module.entry_points for module in modules]
-    for module in modules:
-        module.entry_points = listed.select
-    try:
-        yield
-    finally:
-        for module, original in zip(modules, before, strict=True):
-            module.entry_points = original

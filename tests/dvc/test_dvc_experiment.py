@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import shutil
-from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 
 import pytest
 
 from pipeline.config.compose import compile_params
-from pipeline.config.hydra_plugins.plug_in_sources import digest
 from pipeline.dvc import experiment
 from pipeline.dvc.__main__ import main
-from pipeline.dvc.checked_params import check_params, entry_points_once
+from pipeline.dvc.checked_params import check_params
 from pipeline.errors import InputError
-from pipeline.noise import REGISTRY as NOISE
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -118,20 +115,3 @@ def test_names_whose_code_dvc_does_not_watch_are_refused_with_the_commands_that_
     compile_params()
     check_params()
     experiment.check(["exp", "run"])
-
-
-def test_entry_points_are_looked_up_once_in_a_check_and_anew_after_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = []
-    points = EntryPoints([EntryPoint("mine", "yaml:Loader", "pipeline.noise"), EntryPoint("b", "yaml:Loader", "other")])
-
-    def counted(**given: str) -> EntryPoints:
-        asked.append(given)
-        return points.select(**given)
-
-    monkeypatch.setattr("pipeline.dvc.checked_params.entry_points", counted)
-    with pytest.raises(KeyError), entry_points_once():
-        assert "mine" in NOISE.names() and "b" not in NOISE.names()
-        assert digest("pipeline.noise", "mine") is not None and digest("pipeline.noise", "pca") is None
-        raise KeyError
-    assert asked == [{}]
-    assert "mine" not in NOISE.names() and digest("pipeline.noise", "mine") is None
