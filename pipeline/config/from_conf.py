@@ -5,13 +5,12 @@ from __future__ import annotations
 import itertools
 import sys
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import InputError
-from pipeline.store import FULL
 
 if TYPE_CHECKING:
     from pipeline.config.entry import Stage
@@ -74,8 +73,7 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
     # Overrides of the user come last and win; Hydra takes them only without an option between them.
     sys.argv[1:] = [f"hydra.job.name={stage.name}", *folders, *words, *options]
     try:
-        with plain_records():
-            hydra.main(version_base=None, config_path=str(CONF.resolve()), config_name="config")(entry)()
+        hydra.main(version_base=None, config_path=str(CONF.resolve()), config_name="config")(entry)()
     finally:
         if sweep is not None:
             with suppress(OSError):  # it holds the sweep; empty where Hydra refused to start
@@ -113,34 +111,6 @@ def check_outputs(folder: Path) -> None:
         raise InputError(
             f"hydra.run.dir={folder}: holds results of dvc repro, which a sweep must not replace; give another folder"
         )
-
-
-@contextmanager
-def plain_records() -> Iterator[None]:
-    """Meanwhile, a full disk is one line while Hydra writes its own records, too; it would show its stack."""
-    from hydra._internal import utils
-
-    from pipeline.config.entry import plain_errors
-
-    report = utils.run_and_report
-
-    def run_and_report(func: Any) -> Any:
-        def plain() -> Any:
-            with plain_errors():
-                try:
-                    return func()
-                except OSError as error:
-                    if error.errno in FULL and error.filename is None:
-                        error.filename = "records of Hydra in the output folder"
-                    raise
-
-        return report(plain)
-
-    utils.run_and_report = run_and_report
-    try:
-        yield
-    finally:
-        utils.run_and_report = report
 
 
 def fresh_folder(parent: Path) -> Path:

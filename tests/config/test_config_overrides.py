@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 import shutil
 import subprocess
 import sys
@@ -120,24 +119,6 @@ def test_changing_into_the_output_folder_is_refused_by_name(arguments: list[str]
     assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
     assert done.stderr.startswith("error: hydra.job.chdir=true: ")
     assert not (tmp_path / "one").exists()
-
-
-@pytest.mark.parametrize(
-    "arguments", [["{}"], pytest.param(["{}", "--multirun", "seed=1,2"], marks=pytest.mark.full("one more takes 5 s"))]
-)
-def test_a_full_disk_is_one_line_while_hydra_writes_its_records(arguments: list[str], tmp_path: Path) -> None:
-    small = 1024  # bytes of a file, which the composed configuration exceeds
-
-    def limit() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (small, small))
-
-    words = [word.format(f"hydra.run.dir={tmp_path}/one") for word in arguments] + [f"hydra.sweep.dir={tmp_path}/more"]
-    done = subprocess.run(
-        [sys.executable, "-B", "-m", "pipeline.stages.sensor", "profile=smoke", *words],
-        capture_output=True, text=True, preexec_fn=limit,
-    )  # fmt: skip
-    assert done.returncode == 2, done.stderr
-    assert done.stderr == "error: records of Hydra in the output folder: File too large; make room and run again\n"
 
 
 @pytest.mark.parametrize("content", [b"source: [", b"source: \xff"])
