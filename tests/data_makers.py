@@ -7,6 +7,7 @@ need, with dark "objects" on them whose boxes are the labels.
 
 from __future__ import annotations
 
+import functools
 import json
 from pathlib import Path
 
@@ -20,6 +21,11 @@ Corners = tuple[int, int, int, int]
 
 def picture(name: str, width_px: int = 448, height_px: int = 320, objects: tuple[Corners, ...] = ()) -> np.ndarray:
     """A textured grey picture, (H, W) uint8, with a dark rectangle at each object."""
+    return _picture(name, width_px, height_px, tuple(tuple(corners) for corners in objects)).copy()
+
+
+@functools.lru_cache(maxsize=64)
+def _picture(name: str, width_px: int, height_px: int, objects: tuple[Corners, ...]) -> np.ndarray:
     draw = stream(0, "fake picture", name)
     image = np.full((height_px, width_px), 150, np.uint8)
     for _ in range(150):

@@ -49,7 +49,7 @@ def test_fast_mode_is_no_less_accurate_than_exact_mode(estimator, name):
 
 
 @both
-@pytest.mark.parametrize("mode", ["exact", "fast"])
+@pytest.mark.parametrize("mode", [pytest.param("exact", marks=pytest.mark.full("the exact modes take 10 s")), "fast"])
 def test_kernels_are_non_negative_centred_and_of_unit_sum(estimator, mode):
     estimate = blur.create(estimator, mode=mode, kernel_size=25).estimate(blurred_scene(KERNELS["diagonal"])[:1])
     (kernel,) = estimate.kernel

@@ -69,6 +69,12 @@ def parts_of(layers, wrong):
     return parts
 
 
+def sooner(monkeypatch):
+    """These networks are small and begin at random: larger steps, and fewer."""
+    monkeypatch.setattr(camera_correction, "LEARNING_RATE", 1e-2)
+    monkeypatch.setattr(camera_correction, "STEPS", 300)
+
+
 def test_it_begins_at_the_networks_own_answers(sharp):
     estimator = blur.create("spectral")
     answer = estimator.estimate(sharp)
@@ -82,7 +88,7 @@ def test_it_begins_at_the_networks_own_answers(sharp):
 
 def test_what_hidden_units_tell_is_mended_on_scenes_held_out(layers, monkeypatch):
     """An error that the estimated MTFs do not show: one hidden unit turns up every logit."""
-    monkeypatch.setattr(camera_correction, "LEARNING_RATE", 1e-2)  # these networks are small and begin at random
+    sooner(monkeypatch)
     parts = parts_of(layers, lambda units: 1.5 * units[:, :1, 3] - 1.2)
     groups = np.arange(COUNT) % 4
     made, held_out = camera_correction.fit(layers, parts, groups, KERNELS, [start()] * 5, 1)
@@ -102,8 +108,9 @@ def test_few_kernels_are_not_passed_more_often(layers, monkeypatch, count, steps
     assert taken == [steps]
 
 
-def test_errors_that_are_a_scenes_own_get_no_correction(layers):
+def test_errors_that_are_a_scenes_own_get_no_correction(layers, monkeypatch):
     """Each of four scenes turns the logits another way; nothing of it carries over."""
+    sooner(monkeypatch)
     groups = np.arange(COUNT) % 4
     turned = np.array([1.0, -1.0, 1.0, -1.0])[groups][:, None] * np.where(np.arange(VALUES) % 2, 1, -1)
     parts = []
@@ -168,7 +175,7 @@ def test_sets_of_samples_hold_those_with_all_labels_in_common():
 
 def test_errors_that_patches_of_a_kernel_share_are_trained_away(layers, monkeypatch):
     """Every patch shows the kernel's logits under noise of its own: by itself it keeps to what is likely, as all do."""
-    monkeypatch.setattr(camera_correction, "LEARNING_RATE", 1e-2)
+    sooner(monkeypatch)
     source = stream(1, "test shared errors")
     turned = np.repeat(source.normal(0, 1.5, COUNT // 4), 4)
     hidden = seen("clean")
@@ -219,6 +226,7 @@ def test_samples_with_noise_show_the_same_blur(sharp):
     assert camera_samples.blurred(blur.create("spectral"), sharp, 128, 1, noisy=False).noisy is None
 
 
+@pytest.mark.full("a calibration of a network takes 10 s")
 def test_noise_costs_less_with_a_correction(camera):
     """Patches of other scenes, blurred and with 20 DN of noise: the correction knows noise, the map alone does not."""
     from pipeline.camera import mtf

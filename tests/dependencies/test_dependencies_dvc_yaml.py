@@ -130,12 +130,17 @@ def test_stages_of_third_parties_depend_on_what_their_classes_derive_from(name):
     ("overrides", "listed"),
     [
         ([], []),
-        (["profile=smoke"], []),
-        (["+detector@detection.detectors.yolox=yolox"], []),
-        (["+noise.estimators.mine={kind: immerkaer}"], []),
-        (["+real_noise.estimators.cnn={kind: cnn}"], ["real_noise: cnn"]),
         (["detection.measure.sigma=pca", "detection.measure.mtf=gbb"], ["measured: gbb, pca"]),
-        (["combined.noise_estimators=[bf]"], ["combined: bf"]),
+        *(
+            pytest.param([override], listed, marks=pytest.mark.full("one more takes 3 s"))
+            for override, listed in (
+                ("profile=smoke", []),
+                ("+detector@detection.detectors.yolox=yolox", []),
+                ("+noise.estimators.mine={kind: immerkaer}", []),
+                ("+real_noise.estimators.cnn={kind: cnn}", ["real_noise: cnn"]),
+                ("combined.noise_estimators=[bf]", ["combined: bf"]),
+            )
+        ),
     ],
 )
 def test_a_name_whose_code_is_not_listed_is_noticed_as_by_the_whole_comparison(overrides, listed, monkeypatch):

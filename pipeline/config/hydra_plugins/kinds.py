@@ -21,7 +21,7 @@ from typing import Any
 
 from omegaconf import DictConfig, ListConfig, OmegaConf
 
-from .plug_in_sources import digest
+from .plug_in_sources import digests
 
 DETECTORS = "pipeline.detection"
 """Entry point group of third parties' detectors."""
@@ -107,8 +107,8 @@ def sources_of_plug_ins(path: str, group: str, *, _root_: Any) -> DictConfig:
         if isinstance(section, DictConfig)
         else {str(section): section}
     )
-    digests = {name: digest(group, str(kind)) for name, kind in kinds.items()}
-    return OmegaConf.create({name: value for name, value in digests.items() if value is not None})
+    hashes = digests(group, {str(kind) for kind in kinds.values()})
+    return OmegaConf.create({name: hashes[str(kind)] for name, kind in kinds.items() if str(kind) in hashes})
 
 
 def files_of_options(path: str, *, _root_: Any) -> DictConfig:

@@ -9,25 +9,33 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
 
 
 def digest(group: str, kind: str) -> str | None:
-    """SHA-256 of the source behind a registry name.
+    """SHA-256 of the source behind a registry name; None where no installed third party registers it."""
+    return digests(group, [kind]).get(kind)
+
+
+def digests(group: str, kinds: Collection[str]) -> dict[str, str]:
+    """SHA-256 of the source behind registry names.
 
     Args:
         group: entry point group, e.g. ``"pipeline.noise"``.
-        kind: the registry name.
+        kinds: registry names.
 
     Returns:
-        hexadecimal digits; None where no installed third party registers the name.
+        name -> hexadecimal digits, of those that an installed third party registers.
     """
-    points = sorted({(point.value, point.module) for point in entry_points(group=group, name=kind)})
-    if not points:
-        return None
+    points = entry_points(group=group)  # reads a file of every installed package
+    listed = {kind: sorted({(each.value, each.module) for each in points if each.name == kind}) for kind in kinds}
+    return {kind: _digest(modules) for kind, modules in listed.items() if modules}
+
+
+def _digest(points: Sequence[tuple[str, str]]) -> str:
     result = hashlib.sha256()
     for value, module in points:
         result.update(value.encode() + b"\0")
