@@ -73,11 +73,16 @@ class AskedExposure:
         return Decision(kept, Action.HOLD, reason)
 
     def _is_nearest(self, kept: CameraState, wanted_s: float) -> bool:
-        """Whether the camera has no total exposure nearer to one wanted than that of settings kept, in stops."""
+        """Whether the camera has no total exposure nearer to one wanted than that of settings kept, in stops.
+
+        Settings that the camera's limits or the cap do not allow are never kept for that.
+        """
         if self.exposure_max_s is not None and kept.exposure_s > self.exposure_max_s * (1 + 1e-9):
             return False
-        nearest = self.limits.time_first(wanted_s, self.exposure_max_s)
         on_a_step = self.limits.nearest(kept.exposure_s, kept.gain)
+        if not kept.is_nearly(on_a_step):
+            return False
+        nearest = self.limits.time_first(wanted_s, self.exposure_max_s)
         errors = [abs(math.log2(each.total_exposure_s / wanted_s)) for each in (on_a_step, nearest)]
         return errors[0] <= errors[1] + 1e-9
 

@@ -135,3 +135,14 @@ def test_settings_beyond_the_cap_are_left_though_none_is_nearer_to_the_target():
     limits = replace(STEPS, gain_step_db=6.0)
     asked = AskedExposure(limits, limits.longest_up_to(0.010))
     assert asked.decision(1.0, CameraState.of(20.0, 100), "", 1.0).state.exposure_ms <= 10.0
+
+
+@pytest.mark.parametrize(("per_stop", "gain_step_db"), [(6, 1.0), (0, 1.0), (6, 0.0)])
+@pytest.mark.parametrize("start", [CameraState(0.02, 64.0), CameraState(0.1, 1.0), CameraState(2e-5, 1.0)])
+def test_settings_outside_the_limits_are_not_kept_for_a_step_inside_that_is_nearest(per_stop, gain_step_db, start):
+    """Gain 32 is nearest to the target and gain 64 twice as bright: a camera left there stays overexposed for ever."""
+    limits = Limits(exposure_steps_per_stop=per_stop, gain_step_db=gain_step_db)
+    wanted_s = limits.nearest(start.exposure_s, start.gain).total_exposure_s
+    to_target = wanted_s / start.total_exposure_s
+    new = AskedExposure(limits).decision(to_target, start, "", to_target).state
+    assert limits.accepts(new) and abs(math.log2(new.total_exposure_s / wanted_s)) <= 1 / 12 + 1e-9
