@@ -135,6 +135,7 @@ def course(steps: pd.DataFrame) -> pd.DataFrame:
             reversals_per_s       `reversals` of the whole drive, which has S - 1 intervals of 1 / 30 s
             writes_per_s          frames whose time or gain differs from that of the frame before, likewise
             cycle_stops           `cycle_stops` behind `settling_frames`, largest of the parts; NaN where none settled
+                                  for three frames, fewer of which show no reversal
             motion_px, sigma_dn   mean over the frames of true motion blur and noise of the leading viewpoint
             saturated_percent     mean fraction of saturated pixels
             unestimated_percent   frames without an estimate of noise or of motion
@@ -172,7 +173,7 @@ def _transients(stops: Floats, time: Floats, iso: Floats, edges: list[int]) -> d
             continue
         rises.append(rise_frames(stops[start:end]))
         settling = settling_frames(stops, start, end)
-        if np.isfinite(settling):
+        if end - start - settling >= LEAST_FRAMES:  # never where it did not settle: NaN
             settled = slice(start + int(settling), end)
             cycles.append(cycle_stops(time[settled], (time * iso)[settled]))
     risen = [frames for frames in rises if np.isfinite(frames)]

@@ -66,6 +66,11 @@ def test_a_limit_cycle_is_half_its_swing_and_a_ramp_is_none():
     assert np.isnan(one_drive(8.0 * 2.0 ** np.arange(6), [100.0] * 6, [1.0] * 6)["cycle_stops"])
 
 
+def test_two_settled_frames_show_no_limit_cycle_and_not_that_there_is_none():
+    """Brightness that swings by a stop every second frame has a last value for two frames only."""
+    assert np.isnan(one_drive([8.0, 8.0, 4.0, 4.0] * 4, [100.0] * 16, [1.0] * 16)["cycle_stops"])
+
+
 def test_a_swing_before_settling_is_no_limit_cycle():
     times = [8.0, 1.0, 16.0, *[4.0] * 9]
     assert one_drive(times, [100.0] * 12, [1.0] * 12)["cycle_stops"] == 0.0
