@@ -182,12 +182,14 @@ def advise(
         camera: limits, and the sensor for predictions.
         performance: surface of average precision.
         monitor: estimates noise and MTF; not used where there is a condition.
-        speed_px_s: speed of the image if it is known; None takes it from the estimated MTF.
+        speed_px_s: speed of the image if it is known, whatever its sign; None takes it from the estimated MTF.
         condition: of the picture, where it has been estimated already; its MTF is the system's, not a relative one.
 
     Raises:
-        InputError: not such a picture, or neither monitor nor condition.
+        InputError: not such a picture, neither monitor nor condition, or a speed that is no finite number.
     """
+    if speed_px_s is not None and not math.isfinite(speed_px_s):
+        raise InputError(f"advice: speed_px_s is {speed_px_s!r}; expected a finite number of px/s, or None")
     if condition is None:
         if monitor is None:
             raise InputError("advice: expected a monitor, or the condition that it estimated")
@@ -234,7 +236,7 @@ def _known(
     motion_px = least_px = most_px = math.nan
     uncertain = False
     if speed_px_s is not None:
-        motion_px = least_px = most_px = speed_px_s * state.exposure_s
+        motion_px = least_px = most_px = abs(speed_px_s) * state.exposure_s
     elif seen.mtf is not None:
         motion_px, least_px, most_px, _ = motion_length(seen.mtf, performance.reference)
         uncertain = bool(blur_range(seen.mtf.low, seen.mtf.high))
@@ -286,11 +288,12 @@ def _decide(
         return bounded
     kept = inside(camera.limits, state)
     decision = _kept_unless_better(policy().decide(seen, state), kept, state, ap_percent)
-    if known.is_uncertain and decision.action is Action.MOVE:
+    if known.is_uncertain and decision.state != state and decision.action in (Action.MOVE, Action.HOLD):
         if (brightened := policy().brightness_only(seen, state)) is not None:
             return BoundedDecision(brightened, brightened.ap_percent - ap_percent)
         reason = "noise or motion may be more than was measured; settings are kept"
-        return BoundedDecision(Decision(kept, Action.HOLD, reason, ap_percent), 0.0, undecided=True)
+        expected, gain = (ap_percent, 0.0) if kept == state else (math.nan, math.nan)  # not of those brought inside
+        return BoundedDecision(Decision(kept, Action.HOLD, reason, expected), gain, undecided=True)
     return BoundedDecision(decision, decision.ap_percent - ap_percent)
 
 

@@ -64,6 +64,14 @@ def test_a_known_speed_leaves_no_motion_uncertain():
     assert known.motion_low_px == known.motion_px == known.motion_high_px
 
 
+def test_a_known_speed_counts_whatever_its_sign_and_is_a_finite_number():
+    forth, back = (advice((0.0, 14.0, 28.0), speed_px_s=sign * 300.0) for sign in (1, -1))
+    assert forth == back and np.isfinite(back.ap_percent)
+    for nothing in (np.nan, np.inf):
+        with pytest.raises(InputError, match="speed_px_s is (nan|inf); expected a finite number"):
+            advice((0.0, 14.0, 28.0), speed_px_s=nothing)
+
+
 def test_settings_that_are_better_with_any_possible_motion_are_advised_with_their_least_gain():
     wide, exact = advice((4.0, 14.0, 28.0)), advice((13.0, 14.0, 15.0))
     assert wide.action == "move" and "better with any motion of 4 to 28 px" in wide.reason
@@ -86,6 +94,18 @@ def test_settings_stay_where_noise_may_be_more_than_was_measured():
     beyond = advice((13.0, 14.0, 15.0), sigma_dn=8.0, ends_dn=(3.0, 90.0))
     assert beyond.action == "hold" and beyond.undecided and "more than was measured" in beyond.reason
     assert (beyond.best_exposure_ms, beyond.gain_percent, beyond.low_percent) == (16.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(("motion_px", "sigma_dn"), [(14.0, 3.0), (26.0, 3.0), (1.0, 0.02)])
+def test_nothing_is_promised_of_settings_brought_inside_the_limits_where_noise_may_be_beyond_any_measured(
+    motion_px, sigma_dn
+):
+    """150 ms at ISO 100 become 33 ms at 4.5 times the gain: the noise of the estimate, or none, is not the least AP."""
+    slow, hidden = CameraState(0.15, 1.0), condition((motion_px,) * 3, sigma_dn=sigma_dn, ends_dn=(0.0, 40.0))
+    made = advise(IMAGE, slow, CAMERA, SURFACE, None, None, hidden)
+    assert made.undecided and "more than was measured" in made.reason
+    assert (made.best_exposure_ms, made.best_iso) == pytest.approx((33.0, 454.5), rel=1e-3)
+    assert np.isfinite(made.ap_percent) and np.isnan(made.best_ap_percent) and np.isnan(made.gain_percent)
 
 
 @pytest.mark.parametrize("exposure_s", [0.001, 0.004, 0.016, 0.033])
