@@ -8,8 +8,9 @@ as a cosine (a Tukey window), and
     MTF(f) = |sum LSF(d) exp(-2 pi j f d)| / |sum LSF(d)| / sinc^2(f / 4)
 
 where one sinc belongs to the bins and one to the difference of neighbours. The scatter of the pixels about the ESF,
-taken through these sums, gives the standard error of the MTF. A nearly vertical edge gives the horizontal MTF, a nearly
-horizontal one the vertical.
+taken through these sums row by row, gives the standard error of the MTF: pixels of a row, and of rows near each other,
+may be correlated, as behind demosaicing, denoising or JPEG (`pipeline.camera.correlated_sum`). A nearly vertical edge
+gives the horizontal MTF, a nearly horizontal one the vertical.
 
 Light that changes across the edge counts as part of its transition: 10 % over 120 px lower the MTF by up to .027 where
 it grows towards the bright side, and raise it by as much where it falls.
@@ -34,6 +35,7 @@ from numpy.typing import NDArray
 
 from pipeline.camera.clipping import ENDS, clipping, refuse_clipped, saturated_at
 from pipeline.camera.constants import FULL_SCALE_DN
+from pipeline.camera.correlated_sum import sum_variance
 from pipeline.camera.mtf import DIRECTIONS, FREQUENCIES
 from pipeline.camera.quantise import check_finite
 from pipeline.errors import InputError
@@ -106,7 +108,8 @@ def measure(image: NDArray[np.floating]) -> EdgeMtf:
     position = _positions(rows.shape, offset, slope)
     levels, *saturated = _spread([rows, *(saturated_at(rows, end) for end in ENDS)], position)
     refuse_clipped("edge", [clipping(levels, fraction) for fraction in saturated], MOST_CLIPPING)
-    transfer, error = _transfer(levels, _level_variance(rows, position, levels))
+    transfer, change = _transfer(levels)
+    error = _error(rows, position, levels, change)
     return EdgeMtf(DIRECTIONS[0 if upright else 1], transfer, tilt, contrast_dn, error)
 
 
@@ -190,30 +193,40 @@ def _spread(pictures: Sequence[NDArray[Any]], position: NDArray[np.float64]) -> 
     return [np.interp(np.arange(LAST_BIN + 1), positions, part) for part in values]
 
 
-def _level_variance(
-    rows: NDArray[np.float64], position: NDArray[np.float64], levels: NDArray[np.float64]
+def _error(
+    rows: NDArray[np.float64],
+    position: NDArray[np.float64],
+    levels: NDArray[np.float64],
+    change: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Variance of the bins' means by the scatter of all pixels about the ESF; an empty bin counts as one of a pixel.
+    """(8,) standard error of the MTF by the scatter of all pixels about the ESF.
 
     Light that changes along the edge, which averages out of the ESF, is no scatter.
+
+    Args:
+        rows: (H, W) grey levels.
+        position: of `_positions`.
+        levels: the ESF, of `_spread`.
+        change: (8, bins) of the MTF by each of its bins, of `_transfer`.
     """
-    inside, _, count = _inside(position)
-    spread = np.interp(position[inside], np.arange(LAST_BIN + 1), levels)
-    line = np.nonzero(inside)[0] - (len(rows) - 1) / 2
-    light = np.stack([line, line * spread], axis=1)
+    inside, index, count = _inside(position)
+    bins, full = np.arange(LAST_BIN + 1), count > 0
+    spread = np.interp(position[inside], bins, levels)
+    line = np.nonzero(inside)[0]
+    along = line - (len(rows) - 1) / 2
+    light = np.stack([along, along * spread], axis=1)
     residual = rows[inside] - spread
     residual = residual - light @ np.linalg.lstsq(light, residual, rcond=None)[0]
-    freedom = max(len(residual) - np.count_nonzero(count), 1)
-    return np.asarray(np.square(residual).sum() / freedom / np.maximum(count, 1))
+    centres = np.bincount(index, weights=position[inside], minlength=LAST_BIN + 1)[full] / count[full]
+    interpolated = np.stack([np.interp(bins, centres, mean) for mean in np.eye(len(centres))])  # see `_spread`
+    by_pixel = np.zeros_like(change)
+    by_pixel[:, full] = change @ interpolated.T / np.sqrt(count * np.maximum(count - 1, 1))[full]
+    by_row = [np.bincount(line, weights=residual * part[index], minlength=len(rows)) for part in by_pixel]
+    return np.sqrt(sum_variance(np.stack(by_row, axis=1)))
 
 
-def _transfer(
-    levels: NDArray[np.float64], variance: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(8,) MTF and its standard error from the oversampled edge-spread function and the variance of its bins.
-
-    The error is that of the linear change of |sum| / |sum at 0| by each bin, bins being independent.
-    """
+def _transfer(levels: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(8,) MTF from the oversampled edge-spread function, and its linear change (8, bins) by each of its bins."""
     line = np.diff(levels)
     where = (np.arange(len(line)) - len(line) // 2) / BINS_PER_PX
     beyond = (np.abs(where) / WINDOW_PX - FLAT_FRACTION) / (1 - FLAT_FRACTION)
@@ -226,6 +239,5 @@ def _transfer(
     by_level, total_by_level = (-np.diff(part * window, prepend=0, append=0) for part in (waves, np.ones(len(line))))
     phase = np.exp(-1j * np.angle(wave))
     change = (phase[:, None] * by_level).real / abs(total) - np.outer(transfer, total_by_level / total)
-    error = np.sqrt(np.square(change) @ variance)
     restored = np.sinc(cycles_per_px / BINS_PER_PX) ** 2
-    return transfer / restored, error / restored
+    return transfer / restored, change / restored[:, None]

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from pipeline.camera import mtf
 from pipeline.camera.clipping import ENDS, clipping, refuse_clipped, saturated_at
+from pipeline.camera.correlated_sum import sum_variance
 from pipeline.errors import InputError, did_you_mean
 
 DIRECTIONS = ("all", *mtf.DIRECTIONS)
@@ -108,7 +109,10 @@ def _contrast(
         for middle in _sector_middles(direction, sector_deg):
             along = ((turn - middle + math.pi) % (2 * math.pi) - math.pi) / math.radians(sector_deg)
             inside = np.abs(along) <= 1
-            fit = _amplitude(values[inside], periods * turn[inside], across[inside], along[inside])
+            fit = _amplitude(
+                values[inside], periods * turn[inside], across[inside], along[inside],
+                circle_px * math.radians(sector_deg),
+            )  # fmt: skip
             amplitudes.append(fit[0])
             variances.append(fit[1])
         contrast[index] = np.mean(amplitudes) / amplitude
@@ -125,14 +129,19 @@ def _sector_middles(direction: str, sector_deg: float) -> np.ndarray:
     return np.linspace(0, 2 * math.pi, math.ceil(180 / sector_deg), endpoint=False)
 
 
-def _amplitude(values: np.ndarray, phase: np.ndarray, across: np.ndarray, along: np.ndarray) -> tuple[float, float]:
+def _amplitude(
+    values: np.ndarray, phase: np.ndarray, across: np.ndarray, along: np.ndarray, half_arc_px: float
+) -> tuple[float, float]:
     """Least-squares amplitude of a sinusoid in the middle of a patch where it varies slowly, and its variance.
+
+    Pixels may be correlated with their neighbours (`pipeline.camera.correlated_sum`).
 
     Args:
         values: (n,) brightness.
         phase: (n,) of the sinusoid, radians.
         across: (n,) position across the ring, [-1, 1].
         along: (n,) position along it, [-1, 1].
+        half_arc_px: half the patch's length, pixels.
 
     Raises:
         InputError: too few pixels.
@@ -147,21 +156,25 @@ def _amplitude(values: np.ndarray, phase: np.ndarray, across: np.ndarray, along:
     solution = np.linalg.lstsq(design, values, rcond=None)[0]
     pair = [slow.shape[1], 2 * slow.shape[1]]
     amplitude = math.hypot(*solution[pair])
-    covariance = _noise_variance(values, design, slow, phase) * np.linalg.pinv(design.T @ design)[np.ix_(pair, pair)]
     towards = solution[pair] / max(amplitude, 1e-300)
-    return amplitude, float(towards @ covariance @ towards)
+    change = (towards @ np.linalg.pinv(design)[pair]) * _noise(values, design, slow, phase)
+    columns = ((along + 1) * half_arc_px).astype(np.int64)
+    by_column = np.zeros(columns.max() + 1)
+    np.add.at(by_column, columns, change)
+    return amplitude, max(float(sum_variance(by_column[:, None])[0]), float(np.square(change).sum()))
 
 
-def _noise_variance(values: np.ndarray, design: np.ndarray, slow: np.ndarray, phase: np.ndarray) -> float:
-    """Variance of the pixels of a patch about the fit of its rays; the third harmonic of black and white rays is none.
+def _noise(values: np.ndarray, design: np.ndarray, slow: np.ndarray, phase: np.ndarray) -> np.ndarray:
+    """Deviations (n,) of the pixels of a patch from the fit of its rays, scaled up by what the fit takes of them.
 
-    Where a patch has too few pixels for that harmonic, near the centre, pixels or blur have averaged it out.
+    The third harmonic of black and white rays is none. Where a patch has too few pixels for that harmonic, near the
+    centre, pixels or blur have averaged it out.
     """
     third = np.concatenate([slow * np.sin(3 * phase)[:, None], slow * np.cos(3 * phase)[:, None]], axis=1)
     if len(values) >= 2 * (design.shape[1] + third.shape[1]):
         design = np.concatenate([design, third], axis=1)
     residual = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
-    return float(np.square(residual).sum()) / (len(values) - design.shape[1])
+    return np.asarray(residual * math.sqrt(len(values) / (len(values) - design.shape[1])))
 
 
 def measure_mtf(image: np.ndarray, centre_px: tuple[float, float], periods: int, *, amplitude: float) -> np.ndarray:
@@ -192,7 +205,8 @@ def measure_mtf_with_error(
     """As `measure_mtf`, with the standard error.
 
     Returns:
-        (2, 8) float64 contrast and (2, 8) its standard error by the scatter of the pixels about the fitted rays.
+        (2, 8) float64 contrast and (2, 8) its standard error by the scatter of the pixels about the fitted rays; of
+        noise that is correlated over several pixels about two thirds of it, since fits to short arcs take a part.
     """
     cycles_per_px = mtf.FREQUENCIES / 2
     sector_deg = SECTOR_DEG * max(1.0, FULL_SECTOR_PERIODS / periods)

@@ -161,6 +161,18 @@ def test_the_standard_error_is_the_spread_between_noisy_pictures(size, noise_dn)
     assert measure(clean).error.max() < 0.005
 
 
+@pytest.mark.parametrize("smoothed_px", [0.7, 1.5])
+def test_the_standard_error_knows_noise_that_a_camera_has_smoothed(smoothed_px):
+    """Taken as independent of its neighbours it was stated as .45 and .25 of the spread between pictures."""
+    clean, generator = edge(1.0, size=(120, 120)), stream(0, "edge error, smoothed noise")
+    grain = [cv2.GaussianBlur(generator.normal(size=clean.shape), (0, 0), smoothed_px) for _ in range(40)]
+    edges = [measure(clean + part * (3 / 255 / part.std())) for part in grain]
+    spread = np.std([one.mtf for one in edges], axis=0)
+    stated = np.sqrt(np.mean([one.error**2 for one in edges], axis=0))
+    assert np.sqrt(np.mean(spread**2)) == pytest.approx(np.sqrt(np.mean(stated**2)), rel=0.25)
+    assert (spread < 1.5 * stated).all()
+
+
 def test_light_that_changes_along_the_edge_is_no_error_and_across_it_is_one_of_the_mtf():
     clean = edge(1.0, size=(120, 120))
     ramp = np.linspace(-0.5, 0.5, 120)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 from star_makers import synthesise
@@ -103,6 +104,20 @@ def test_the_standard_error_is_the_spread_between_noisy_pictures(black_and_white
     spread = np.std([contrast for contrast, _ in results], axis=0)
     stated = np.mean([error for _, error in results], axis=0)
     assert np.sqrt(np.mean(spread**2)) == pytest.approx(np.sqrt(np.mean(stated**2)), rel=0.25)
+
+
+def test_the_standard_error_knows_noise_that_a_camera_has_smoothed() -> None:
+    """Taken as independent of its neighbours it was stated as .45 of the spread between pictures."""
+    clean = blur(synthesise(520, 520, 36, amplitude=0.3), create("gaussian", 3))
+    drawn = streams.stream(0, "star error, smoothed noise")
+    results = []
+    for _ in range(16):
+        grain = cv2.GaussianBlur(drawn.normal(size=clean.shape), (0, 0), 1.0)
+        picture = clean + grain * (6 / 255 / grain.std())
+        results.append(star.measure_mtf_with_error(picture, (259.5, 259.5), 36, amplitude=AMPLITUDE))
+    spread = np.std([contrast for contrast, _ in results], axis=0)
+    stated = np.mean([error for _, error in results], axis=0)
+    assert 0.55 < np.sqrt(np.mean(stated**2) / np.mean(spread**2)) < 1.1
 
 
 def test_the_rays_of_a_star_are_counted() -> None:
