@@ -20,6 +20,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isfinite
+from numbers import Real
+
+from pipeline.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -78,7 +82,14 @@ def hidden_noise_dn(codec: str, quantiser: int | None = None) -> float:
     Args:
         codec: of the video that the frame is of (`ffmpeg_name`); empty where it is unknown, or for a picture.
         quantiser: of the frame, where it is known.
+
+    Raises:
+        InputError: the codec is no text, or the quantiser no number, as the NaN of a table.
     """
+    if not isinstance(codec, str):
+        raise InputError(f"codec={codec!r}: expected its name, or '' where it is unknown")
+    if quantiser is not None and not (isinstance(quantiser, Real) and isfinite(quantiser)):
+        raise InputError(f"quantiser={quantiser!r}: expected a number, or None where it is unknown")
     name = ffmpeg_name(codec)
     return HIDDEN[name].at(quantiser) if name in HIDDEN else 0.0
 

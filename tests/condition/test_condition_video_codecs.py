@@ -12,6 +12,7 @@ from pipeline.condition import ConditionMonitor, noise_of_frame
 from pipeline.condition.estimate import withheld
 from pipeline.condition.video_codecs import HIDDEN, READ_FROM_DN, hidden_noise_dn, is_doubtful
 from pipeline.datasets.video_coding import CODECS, Coding
+from pipeline.errors import InputError
 from pipeline.noise.base import COMPRESSED, NoiseEstimate
 
 
@@ -35,6 +36,17 @@ NAMED = sorted(codec for codec, hidden in HIDDEN.items() if not hidden.shows)
 def test_weak_and_unknown_noise_may_be_hidden(codec):
     assert may_hide(codec, 2.0) and may_hide(codec, np.nan)
     assert not may_hide(codec, READ_FROM_DN)
+
+
+@pytest.mark.parametrize(
+    ("codec", "quantiser", "words"),
+    [("hevc", np.nan, "quantiser=nan"), ("hevc", "30", "quantiser='30'"), (None, None, "codec=None"), (5, 9, "codec=")],
+)
+def test_what_is_no_codec_or_quantiser_is_refused(codec, quantiser, words):
+    """A quantiser of NaN, as tables state an unknown one, hid nothing."""
+    with pytest.raises(InputError, match=words):
+        hidden_noise_dn(codec, quantiser)
+    assert hidden_noise_dn("hevc", np.float64(30)) == hidden_noise_dn("hevc", 30) > 0
 
 
 def test_quantisers_are_read_of_every_codec_that_hides_noise():
