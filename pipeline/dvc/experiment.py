@@ -22,33 +22,17 @@ DERIVED = ("by_kind", "option_files", "read_files")
 """Sections of paths that other keys give."""
 
 
-def is_experiment(arguments: Sequence[str]) -> bool:
-    """Whether arguments of DVC run an experiment."""
-    return list(arguments[:2]) in (["exp", "run"], ["experiments", "run"])
-
-
-def _given(arguments: Sequence[str]) -> argparse.Namespace:
-    """Those of the arguments of ``dvc exp run`` that are checked."""
-    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
-    parser.add_argument("-S", "--set-param", action="append", default=[])
-    parser.add_argument("-C", "--copy-paths", action="append", default=[])
-    parser.add_argument("--queue", action="store_true")
-    parser.add_argument("--temp", action="store_true")
-    parser.add_argument("--run-all", action="store_true")
-    return parser.parse_known_args(list(arguments))[0]
-
-
-def settings(arguments: Sequence[str]) -> list[str]:
-    """Overrides of ``params.yaml`` among the arguments of ``dvc exp run``, without the name of that file."""
-    plain = (text.removeprefix(f"{PARAMS}:") for text in _given(arguments).set_param)
+def settings(given: argparse.Namespace) -> list[str]:
+    """Overrides of ``params.yaml`` among the parsed arguments of ``dvc exp run``, without the name of that file."""
+    plain = (text.removeprefix(f"{PARAMS}:") for text in given.set_param)
     return [text for text in plain if ":" not in text.partition("=")[0]]  # of another file
 
 
-def check(arguments: Sequence[str]) -> None:
+def check(given: argparse.Namespace) -> None:
     """Check the settings of an experiment as ``python -m pipeline.config`` would.
 
     Args:
-        arguments: of ``dvc exp run``.
+        given: arguments of ``dvc exp run``, as DVC parses them.
 
     Raises:
         InputError: a key, option, name or folder that does not exist, a value out of range, a path that leads to
@@ -57,8 +41,8 @@ def check(arguments: Sequence[str]) -> None:
     from pipeline.config.overrides import check_overrides, parsed
     from pipeline.config.references import check_references
 
-    overrides, given = settings(arguments), _given(arguments)
-    in_copy = given.queue or given.temp
+    overrides = settings(given)
+    in_copy = given.queue or given.tmp_dir
 
     def further(config: Any) -> None:
         check_references(config)
