@@ -14,6 +14,10 @@ from pathlib import Path
 import pytest
 import yaml
 
+from pipeline.config.compose import compose, parse
+from pipeline.errors import InputError
+from pipeline.stages import render_sim
+
 ROOT = Path(__file__).resolve().parents[1]
 MODELS = ("paper", "automotive_3um")
 LAUNCHERS = {
@@ -173,6 +177,19 @@ def test_dask_on_separate_processes_gives_the_same_bytes_though_a_worker_is_kill
         for process in processes:
             process.wait(60)
     assert results(tmp_path / "there") == rendered
+
+
+def test_pictures_that_a_worker_writes_into_another_folder_are_an_error_and_leave_no_empty_dataset(
+    tmp_path, monkeypatch
+):
+    def elsewhere(item: tuple[int, int], *, folder: Path, **options: object) -> Path:
+        return folder / "written by a process in another folder.png"
+
+    monkeypatch.setattr(render_sim, "render_viewpoint", elsewhere)
+    config = parse(compose(["profile=smoke"], ROOT / "conf"), "conf/")
+    with pytest.raises(InputError, match=r"executor\.address=.*start workers in"):
+        render_sim.run.run(config, {}, tmp_path, tmp_path)
+    assert not list((tmp_path / "data").iterdir())
 
 
 def until(condition, processes) -> None:

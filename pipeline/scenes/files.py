@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from pipeline.scenes.dataset import SimFrame
 
 
-def write(frame: SimFrame, folder: Path, *, radiance: bool = True) -> None:
+def write(frame: SimFrame, folder: Path, *, radiance: bool = True) -> Path:
     """Write ``NAME.png``, ``NAME.json`` and, where wanted, ``NAME.radiance.npz``.
 
     Args:
@@ -21,9 +21,14 @@ def write(frame: SimFrame, folder: Path, *, radiance: bool = True) -> None:
         folder: where to; made if absent.
         radiance: also the linear image, (H, W) float16 under the key ``radiance``; half precision keeps eleven bits,
             three more than the picture.
+
+    Returns:
+        path of the picture.
     """
-    store.write_image(folder / f"{frame.name}.png", frame.eight_bit())
+    picture = folder / f"{frame.name}.png"
+    store.write_image(picture, frame.eight_bit())
     described = {"boxes": [box.row() for box in frame.boxes], "exposure": frame.exposure, "gamma": frame.gamma}
     store.write_json(folder / f"{frame.name}.json", described)
     if radiance:
         store.write_arrays(folder / f"{frame.name}.radiance.npz", radiance=frame.radiance.astype(np.float16))
+    return picture

@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from pipeline.config.entry import Run, stage
+from pipeline.errors import InputError
 
 
 @stage("render_sim", reads=["seed", "scenes"])
@@ -25,13 +26,19 @@ def run(run: Run) -> None:
             radiance=scenes.radiance,
         )
         work_items = [(number, moment) for number in range(scenes.viewpoints) for moment in range(4)]
-        run.map(work, work_items, "render Sim")
+        pictures = run.map(work, work_items, "render Sim")
+        for picture in pictures:
+            if not picture.is_file():
+                raise InputError(
+                    f"executor.address={run.executor.address}: a worker has written {picture.name} elsewhere; start Dask "
+                    f"workers in {Path.cwd()}, on a disk that all share"
+                )
 
 
 def render_viewpoint(
     item: tuple[int, int], *, folder: Path, seed: int, samples: int, width_px: int, height_px: int, radiance: bool
-) -> None:
-    """What one worker does: one moment of one viewpoint."""
+) -> Path:
+    """What one worker does: one moment of one viewpoint; returns the path of its picture."""
     from pipeline.scenes.dataset import Viewpoint, render
     from pipeline.scenes.files import write
 
@@ -39,7 +46,7 @@ def render_viewpoint(
     frame = render(
         Viewpoint("evaluation", number), moment, seed, samples=samples, width_px=width_px, height_px=height_px
     )
-    write(frame, folder, radiance=radiance)
+    return write(frame, folder, radiance=radiance)
 
 
 if __name__ == "__main__":
