@@ -28,7 +28,7 @@ from dataclasses import dataclass, field, replace
 import pandas as pd
 
 from pipeline.report.display_names import DATASETS, DETECTORS, ESTIMATORS, in_order, word
-from pipeline.report.inputs import ReportInputs
+from pipeline.report.inputs import Benchmark, ReportInputs
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Table
 
@@ -56,7 +56,8 @@ class NotRun:
 class Run:
     """One line of the overview: an experiment on a dataset, whether it ran, else why not, and the command that runs it.
 
-    An experiment may belong to no dataset. ``recorded``: measured earlier on pictures that are not kept.
+    An experiment may belong to no dataset. ``recorded``: measured earlier, on pictures that are not kept or by a
+    benchmark.
     """
 
     experiment: str
@@ -159,6 +160,12 @@ def runs_by_estimator(
 def single(experiment: str, stage: str, ran: bool, inputs: ReportInputs) -> Run:
     """The overview's line of an experiment that belongs to no dataset."""
     return Run(experiment, "", ran, "" if ran else STAGE_ABSENT, inputs.line(stage))
+
+
+def of_benchmark(experiment: str, benchmark: Benchmark, tables: Iterable[Table]) -> tuple[list[Table], Run]:
+    """Tables of a benchmark's record, which no stage makes, with its command, and their line of the overview."""
+    run = Run(experiment, "", False, "", benchmark.command, recorded=True)
+    return [replace(table, stage=benchmark.command) for table in tables], run
 
 
 def missing(title: str, runs: Sequence[Run]) -> list[NotRun]:

@@ -85,7 +85,7 @@ class Table:
         columns: from left to right.
         rows: each maps column names to cells; a missing one is empty.
         footnotes: shown beneath.
-        stage: the DVC stage whose output it shows.
+        stage: the DVC stage whose output it shows, or the command of the benchmark whose record it shows.
         reference_word: what `Estimate.reference` is called, e.g. ``"paper"``.
 
     Raises:

@@ -206,6 +206,22 @@ def test_a_film_strip_shows_state_estimates_and_pictures(inputs: ReportInputs, t
     assert svg.count("<image") == 4
 
 
+@pytest.mark.parametrize("light", [(0.095, 0.115), (0.2, 0.2), (0.03, 0.0301)])  # of a lamp that flickers; constant
+def test_an_axis_of_light_that_hardly_varies_has_a_scale(inputs: ReportInputs, light: tuple[float, float]) -> None:
+    result = scenario_results(inputs)[0]
+    steps = result.steps.assign(light=np.where(result.steps["step"] % 2, *light))
+    axes = closed_loop.strip(dataclasses.replace(result, steps=steps)).figure.axes[0]
+    low, high = axes.get_ylim()
+    assert axes.get_title() == "light [daylight = 1]" and low < min(light) and max(light) < high
+    assert sum(low <= tick <= high for tick in axes.get_yticks()) >= 2
+
+
+def test_notes_point_to_tables_where_they_stand(section: Section) -> None:
+    names = [block.name for block in section.blocks if isinstance(block, Table)]
+    notes = " ".join(_table(section, "control_pairs").footnotes)
+    assert "measures below" in notes and names.index("control_pairs") < names.index("control_measures")
+
+
 def test_example_pictures_carry_scores_and_settings(inputs: ReportInputs) -> None:
     blocks, findings = control_examples.blocks(inputs)
     one, two = (block for block in blocks if isinstance(block, Figure) and "example" in block.name)

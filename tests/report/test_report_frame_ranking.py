@@ -20,7 +20,8 @@ def test_the_committed_record_is_shown_whole() -> None:
     section = frame_ranking.section(ReportInputs(paper=REPO / "data/paper", benchmarks={"flags": RECORD}))
     assert section is not None
     (table,) = section.blocks
-    assert isinstance(table, Table)
+    assert isinstance(table, Table) and table.stage == frame_ranking.FLAGS.command
+    assert [run.state for run in section.runs] == ["recorded"]  # no stage measures it
     results = json.loads(RECORD.read_text(encoding="utf-8"))["results"]
     assert len(table.rows) == sum(len({"blur", "noise"} & set(result)) for result in results.values())
     row = next(row for row in table.rows if (row["quantity"], row["dataset"]) == ("noise", "CC, real cameras"))

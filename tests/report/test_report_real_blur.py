@@ -33,6 +33,15 @@ def tables() -> dict[str, Table]:
     return {block.name: block for block in section.blocks if isinstance(block, Table)}
 
 
+@pytest.mark.parametrize("name", RECORDS)
+def test_a_record_is_shown_as_one_with_the_command_that_makes_it(name: str) -> None:
+    section = real_blur.section(inputs(**{name: RECORDS[name]}))
+    assert section is not None
+    (run,) = section.runs
+    assert run.state == "recorded" and run.line.startswith(f"python benchmarks/{name}.py")
+    assert {block.stage for block in section.blocks if isinstance(block, Table)} == {run.line}
+
+
 def test_every_photograph_and_the_means_over_them_are_shown(tables: dict[str, Table]) -> None:
     photographs = content("real_blur")["shake"]["photographs"]
     *rows, means = tables["real_blur_shake"].rows

@@ -33,8 +33,10 @@ def test_the_committed_record_holds_every_estimator() -> None:
 
 
 def test_the_table_sets_the_papers_times_beside_ours() -> None:
-    (table,) = runtime.section(INPUTS).blocks
-    assert isinstance(table, Table)
+    section = runtime.section(INPUTS)
+    (table,) = section.blocks
+    assert isinstance(table, Table) and table.stage == TIMED.command
+    assert [run.state for run in section.runs] == ["recorded"]
     rows = {(row["task"], str(row["estimator"]).split(" (")[0]): row for row in table.rows}
     assert rows["Blur", "PMP"]["paper_ms"] == 12690
     assert rows["Blur", "CNN"]["paper_ms"] == 60  # a batch of four takes 0.24 s

@@ -22,7 +22,7 @@ def content() -> dict:
 
 def test_the_committed_record_is_shown_number_by_number(content: dict) -> None:
     table = INPUTS.benchmark(blur_amae.UNSEEN, blur_amae.unseen_kernels)
-    assert table is not None
+    assert table is not None and table.stage == blur_amae.UNSEEN.command
     photos = [row for row in table.rows if row["dataset"] == "Photos"]
     answers = {
         "raw": "",

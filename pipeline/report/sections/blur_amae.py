@@ -226,4 +226,4 @@ def unseen_kernels(record: Mapping[str, Any]) -> Table:
             if result is not None:
                 head = {"dataset": dataset, "estimator": word(name) + how, "patches": part["patches"]}
                 rows.append({**head, **result["mean_of_group_percent"], "mean": result["mean_amae_percent"]})
-    return PAGE.table("blur_unseen_kernels", rows, count=len(record["kernels"]))
+    return PAGE.table("blur_unseen_kernels", rows, count=len(record["kernels"]), command=UNSEEN.command)

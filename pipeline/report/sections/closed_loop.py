@@ -289,8 +289,8 @@ def _panel(axes: Axes, rows: pd.DataFrame, policies: list[str], panel: tuple[str
         axes.yaxis.set_minor_locator(NullLocator())
         axes.yaxis.set_minor_formatter(NullFormatter())
         low, high = axes.get_ylim()
-        if high < 2 * low:  # a constant still shows ticks
-            axes.set_ylim(low / 1.5, high * 1.5)
+        if high < 2 * low:  # a constant, or what hardly varies, still shows two ticks
+            axes.set_ylim(low / 2, high * 2)
     elif column == "ap_percent":
         axes.set_ylim(0, 103)
     else:

@@ -7,7 +7,7 @@ from typing import Any
 
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.inputs import Benchmark, ReportInputs
-from pipeline.report.spec import Run, Section
+from pipeline.report.spec import Section, of_benchmark
 from pipeline.report.tables import Estimate, Table
 
 PAGE = Descriptions("frame_ranking")
@@ -32,7 +32,10 @@ def ranking(record: Mapping[str, Any]) -> Table:
 def section(inputs: ReportInputs) -> Section | None:
     """The section (``benchmarks/results/flags.json``), or None without a record; errors of `ReportInputs.benchmark`."""
     table = inputs.benchmark(FLAGS, ranking)
-    return None if table is None else PAGE.section([table], [Run(TITLE, "", True, "", FLAGS.command)])
+    if table is None:
+        return None
+    tables, run = of_benchmark(TITLE, FLAGS, [table])
+    return PAGE.section(tables, [run])
 
 
 def _cell(entry: dict[str, Any]) -> Estimate:

@@ -11,7 +11,7 @@ from typing import Any
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import DATASETS, in_order, word
 from pipeline.report.inputs import Benchmark, ReportInputs
-from pipeline.report.spec import Run, Section
+from pipeline.report.spec import Run, Section, of_benchmark
 from pipeline.report.tables import Table
 
 PAGE = Descriptions("real_blur")
@@ -110,8 +110,9 @@ def section(inputs: ReportInputs) -> Section | None:
     ):
         tables = inputs.benchmark(benchmark, shown)
         if tables is not None:
-            blocks += tables
-            runs.append(Run(title, "", True, "", benchmark.command))
+            recorded, run = of_benchmark(title, benchmark, tables)
+            blocks += recorded
+            runs.append(run)
     return PAGE.section(blocks, runs) if blocks else None
 
 

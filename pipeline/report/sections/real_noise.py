@@ -17,7 +17,7 @@ from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import listing, word
 from pipeline.report.figures import add_legend
 from pipeline.report.inputs import Benchmark, ReportInputs
-from pipeline.report.spec import Block, Run, Section
+from pipeline.report.spec import Block, Run, Section, of_benchmark
 from pipeline.report.tables import Row, Table, ordered, records, where
 
 STAGE = "real_noise@{name}"
@@ -281,10 +281,11 @@ def section(inputs: ReportInputs) -> Section | None:
         blocks.append(PAGE.figure("real_sensor", sensor_figure(made), [made.stage] if made.stage else ()))
         blocks.append(PAGE.table("real_sensor_constants", constants, stage=made.stage))
     runs = [_run(inputs, name, name in known) for name in stages]
-    for tables, title, command in ((coded, "Noise behind codecs", CODED.command), (videos, HIDING, VIDEOS.command)):
+    for tables, title, benchmark in ((coded, "Noise behind codecs", CODED), (videos, HIDING, VIDEOS)):
         if tables is not None:
-            blocks += tables
-            runs.append(Run(title, "", True, "", command))
+            recorded, run = of_benchmark(title, benchmark, tables)
+            blocks += recorded
+            runs.append(run)
     return PAGE.section(blocks, runs)
 
 

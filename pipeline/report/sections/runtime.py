@@ -15,7 +15,7 @@ from pipeline.condition.frame_tiles import MOST_PATCHES, MOST_TILES
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import ESTIMATORS, word
 from pipeline.report.inputs import Benchmark, ReportInputs, published_table
-from pipeline.report.spec import STAGE_ABSENT, Run, Section
+from pipeline.report.spec import STAGE_ABSENT, Run, Section, of_benchmark
 from pipeline.report.tables import Table, ordered, records
 
 PAGE = Descriptions("runtime")
@@ -111,5 +111,7 @@ def section(inputs: ReportInputs) -> Section:
     """Run times as recorded; the ledger holds the paper's too, as not comparable across hardware."""
     paper = _paper_ms(inputs)
     table = inputs.benchmark(TIMED, lambda record: _table(record, paper))
-    run = Run(TITLE, "", table is not None, STAGE_ABSENT if table is None else "", TIMED.command)
-    return PAGE.section([] if table is None else [table], [run], command=TIMED.command)
+    if table is None:
+        return PAGE.section([], [Run(TITLE, "", False, STAGE_ABSENT, TIMED.command)], command=TIMED.command)
+    tables, run = of_benchmark(TITLE, TIMED, [table])
+    return PAGE.section(tables, [run], command=TIMED.command)
