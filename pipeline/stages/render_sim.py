@@ -30,8 +30,8 @@ def run(run: Run) -> None:
         for picture in pictures:
             if not picture.is_file():
                 raise InputError(
-                    f"executor.address={run.executor.address}: a worker has written {picture.name} elsewhere; start Dask "
-                    f"workers in {Path.cwd()}, on a disk that all share"
+                    f"executor.address={run.executor.address}: a worker has written {picture.name} elsewhere; start "
+                    f"Dask workers in {Path.cwd()}, on a disk that all share"
                 )
 
 
