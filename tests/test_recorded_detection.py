@@ -15,7 +15,7 @@ from pipeline.config.compose import compose, parse
 from pipeline.curves import Surface
 from pipeline.errors import InputError
 from pipeline.executor import run_map
-from pipeline.recording.detection import record
+from pipeline.recording.detection import labelled_frames, record
 
 ROOT = Path(__file__).resolve().parents[1]
 KITTI = ROOT / "reports/recorded/kitti-yolox"
@@ -133,3 +133,19 @@ def test_an_absent_dataset_or_detector_says_how(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="datasets.kitti.root"):
         record(config, "kitti", "yolox", tmp_path / "out", "", run_map)
     assert not (tmp_path / "out").exists()
+
+
+def test_frames_with_broken_labels_are_named_and_refused_where_they_are_more_than_allowed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "labels").mkdir()
+    for number in range(4):
+        store.write_image(tmp_path / f"{number}.png", np.full((8, 8), number / 4))
+        words = "car 1 1 6" if number == 2 else "car 1 1 6 6"
+        (tmp_path / "labels" / f"{number}.txt").write_text(f"{words}\n", encoding="utf-8")
+    overrides = ["+dataset@datasets.mine=folder", f"datasets.mine.root={tmp_path}"]
+    with pytest.raises(InputError, match=r"1 of 4 frames cannot be used.*2\.png.*line 1: expected 'class x1 y1 x2 y2"):
+        labelled_frames(parse(compose(overrides, ROOT / "conf"), "conf/"), "mine")
+    allowed = parse(compose([*overrides, "datasets.mine.max_rejected_fraction=0.25"], ROOT / "conf"), "conf/")
+    assert [frame.name for frame in labelled_frames(allowed, "mine")] == ["0", "1", "3"]
+    assert "warning: dataset 'mine': 2.png is left out: labels/2.txt, line 1: expected" in capsys.readouterr().err

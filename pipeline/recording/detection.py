@@ -67,7 +67,7 @@ def record(config: Config, dataset: str, detector: str, out: Path, source: str, 
     }
     detector_sha256 = file_sha256(identifying)
     run_map = keyed(run_map, __name__, {**weights, "detector": detector_sha256})
-    frames = _frames(config, dataset)
+    frames = labelled_frames(config, dataset)
     table, draws, conditions = _measure(config, dataset, detector, frames, run_map)
     labels = [label for label in draws if (table.loc[table["label"] == label, "objects"] > 0).any()]
     if not labels:
@@ -117,14 +117,31 @@ def _directions(table: pd.DataFrame, draws: dict[str, Any], tolerance: float) ->
     return dict(zip((DIRECTION, SPREAD), directions.of_labels(table, draws, tolerance), strict=True))
 
 
-def _frames(config: Config, dataset: str) -> list[Frame]:
-    """The frames of a dataset that have labels to judge by, as the reader gives them."""
+def labelled_frames(config: Config, dataset: str) -> list[Frame]:
+    """The frames of a dataset that have labels to judge by, as the reader gives them; those left out are named.
+
+    Args:
+        config: with the dataset in it.
+        dataset: its name there.
+
+    Returns:
+        at most ``detection.sweep.frames``, evenly spread.
+
+    Raises:
+        InputError: more of them have none, or broken ones, than the dataset's ``max_rejected_fraction`` allows.
+    """
     from pipeline.datasets.open import open_section
+    from pipeline.datasets.quarantine import Inspection, gather
 
     section, count = config.datasets[dataset], config.detection.sweep.frames
     options = config.detection.sweep.options.get(dataset)
     if not options:
-        return evenly_spread([frame for frame in open_section(dataset, section).frames() if not frame.defect], count)
+        opened = open_section(dataset, section)
+        by_labels = [Inspection(frame, frame.defect, (), None) for frame in opened.frames()]
+        usable, left_out, _ = gather(opened, by_labels, section.max_rejected_fraction)
+        for row in left_out:
+            print(f"warning: dataset '{dataset}': {row.file} is left out: {row.reason}", file=sys.stderr)
+        return evenly_spread(usable, count)
     return evaluation_frames(None, dataset, section, options, count)
 
 
