@@ -15,6 +15,9 @@ gives the horizontal MTF, a nearly horizontal one the vertical.
 Light that changes across the edge counts as part of its transition: 10 % over 120 px lower the MTF by up to .027 where
 it grows towards the bright side, and raise it by as much where it falls.
 
+A tone curve bends the transition: of an edge between 5 and 80 % of the light, encoded with a gamma of 2.2, the MTF is
+up to .045 below that of the lens, between 10 and 40 % .012.
+
 That is the MTF along the edge's normal, and that of the axis where blur is round. Of other blur it is near that of the
 axis at tilts of about 5 degrees, the standard's: with a motion of 7 px across the edge errors are up to .004 at 5, .015
 at 10, .034 at 15 and .09 at 25 degrees; with one along the edge .04, .17, .35 and .74.

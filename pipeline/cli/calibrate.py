@@ -55,7 +55,8 @@ def command(
     with --chart, a chart taken by this camera, upright and in focus: a slanted edge, near-vertical and near-horizontal
     (tilted by about 5 degrees; two pictures or two --area, of any size), or a sinusoidal or black and white Siemens
     star whose rays reach 0.05 of Nyquist, which takes 12 pixels of diameter a ray (36 rays: 424 px); its contrast there
-    counts as full.
+    counts as full. Print charts in two greys that reflect light as 4 : 1: behind a tone curve those of black and white
+    are read too low (16 : 1 by up to 0.07).
 
     Warns of pictures that do not look sharp, and of those without a patch that can be measured, which it leaves out;
     refuses pictures without contrast at most frequencies, charts clipped at black or white or with too much noise for

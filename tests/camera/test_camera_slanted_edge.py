@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from pipeline.camera import psf
+from pipeline.camera import psf, tone_curve
 from pipeline.camera.blur import blur
 from pipeline.camera.mtf import FREQUENCIES, sample
 from pipeline.camera.slanted_edge import measure
@@ -180,6 +180,17 @@ def test_light_that_changes_along_the_edge_is_no_error_and_across_it_is_one_of_t
     assert along.error.max() < 0.01 and np.abs(along.mtf - measure(clean).mtf).max() < 0.005
     across = measure(clean * (1 + 0.1 * ramp[None])).mtf - measure(clean).mtf
     assert -0.03 < across[0] < -0.02 and (across < 0).all()  # it grows towards the bright side; docs/limits.md
+
+
+@pytest.mark.parametrize(
+    ("dark", "bright", "worst"), [(0.02, 0.8, -0.072), (0.05, 0.8, -0.045), (0.1, 0.4, -0.012), (0.2, 0.4, -0.003)]
+)
+def test_a_tone_curve_lowers_the_mtf_of_an_edge_of_much_contrast(dark, bright, worst):
+    """What the module and docs/limits.md state."""
+    light = dark + (bright - dark) * (edge(1.0, size=(160, 160)) - 0.2) / 0.6
+    error = measure(tone_curve.encode(light, 2.2)).mtf - truth(1.0)
+    assert error.min() == pytest.approx(worst, abs=3e-3)
+    assert error.max() < 1e-3
 
 
 def test_noise_costs_little():
