@@ -13,6 +13,7 @@ import copy
 import multiprocessing
 import os
 import pickle
+import platform
 import re
 import signal
 import threading
@@ -95,8 +96,10 @@ def _call(function: Callable[[Item], Result], item: Item) -> Result:
         raise
 
 
-def _call_there(function: Callable[[Item], Result], item: Item, weights: str | None) -> Result:
-    """As `_call`, in a process that this one did not start: with this one's folder of weights."""
+def _call_there(function: Callable[[Item], Result], item: Item, weights: str | None, pins: str, address: str) -> Result:
+    """As `_call`, in a process that this one did not start: pinned alike, with this one's folder of weights."""
+    if not processor.is_like(pins):  # it has joined since `_check_pins`
+        raise _pinned_otherwise(f"on {platform.node()}", processor.status(), pins, address)
     weight_files.set_folder(weights)
     return _call(function, item)
 
@@ -265,13 +268,16 @@ class _Work(Generic[Item, Result]):
 
 def _check_pins(statuses: Mapping[str, str], address: str) -> None:
     """Refuse Dask workers whose libraries are pinned in another way than this process's (`pipeline.processor`)."""
-    here = processor.status()
     for worker, there in statuses.items():
         if not processor.is_like(there):
-            raise InputError(
-                f"executor.address={address}: worker {worker} would compute other last digits ({there}; here: {here}); "
-                f"start workers with --preload-nanny pipeline, or set {processor.SWITCH}=off here and there"
-            )
+            raise _pinned_otherwise(worker, there, processor.status(), address)
+
+
+def _pinned_otherwise(worker: str, there: str, here: str, address: str) -> InputError:
+    return InputError(
+        f"executor.address={address}: worker {worker} would compute other last digits ({there}; here: {here}); start "
+        f"workers by 'python -m pipeline.dask_worker {address}', or set {processor.SWITCH}=off here and there"
+    )
 
 
 def _map_dask(
@@ -309,7 +315,10 @@ def _map_dask(
     weights = os.environ.get(weight_files.VARIABLE)
     with client:
         _check_pins(client.run(processor.status), address)
-        futures = [client.submit(_call_there, function, item, weights, pure=False) for item in items]
+        futures = [
+            client.submit(_call_there, function, item, weights, processor.status(), address, pure=False)
+            for item in items
+        ]
         waiting = set(futures)
         bar = iter(_progress(range(len(items)), len(items), label))
         next(bar, None)
@@ -322,7 +331,7 @@ def _map_dask(
                 client.cancel(list(waiting))
                 raise InputError(
                     f"executor.address={address}: the Dask scheduler had no worker for {worker_timeout_s:g} s; start "
-                    f"one with 'dask worker {address}' from this checkout"
+                    f"one by 'python -m pipeline.dask_worker {address}' in this folder"
                 ) from None
             for _ in done:
                 next(bar, None)

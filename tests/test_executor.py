@@ -278,7 +278,7 @@ def test_a_dask_scheduler_without_workers_is_not_waited_for_for_ever():
     distributed = pytest.importorskip("distributed", reason="the dask extra is not installed")
     with distributed.LocalCluster(n_workers=0, dashboard_address=None) as cluster:
         address = cluster.scheduler_address
-        with pytest.raises(InputError, match=r"had no worker for 1 s; start one with 'dask worker"):
+        with pytest.raises(InputError, match=r"had no worker for 1 s; start one by 'python -m pipeline.dask_worker"):
             run_map(square, [1, 2], backend="dask", address=address, worker_timeout_s=1)
 
 

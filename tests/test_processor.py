@@ -125,8 +125,10 @@ def test_tests_are_pinned():
 
 def test_workers_pinned_in_another_way_are_refused():
     executor._check_pins({"tcp://a": processor.status()}, "tcp://s")
-    with pytest.raises(InputError, match=r"tcp://b .*--preload-nanny pipeline"):
+    with pytest.raises(InputError, match=r"tcp://b .*'python -m pipeline\.dask_worker tcp://s'"):
         executor._check_pins({"tcp://a": processor.status(), "tcp://b": "not pinned: numpy"}, "tcp://s")
+    with pytest.raises(InputError, match="other last digits"):  # one that joins after that
+        executor._call_there(abs, 1, None, "not pinned: numpy", "tcp://s")
 
 
 def test_stage_notes_that_it_is_not_pinned(tmp_path):

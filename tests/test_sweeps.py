@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from pipeline import processor
 from pipeline.config.compose import compose, parse
 from pipeline.errors import InputError
 from pipeline.stages import render_sim
@@ -123,8 +124,10 @@ def test_a_queue_of_experiments_is_run(tmp_path):
 
 
 def started(*words: str, file: Path) -> subprocess.Popen[bytes]:
-    """A process of the project's Python, its output in a file."""
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+    """A process of the project's Python, its output in a file; it does not inherit the pins of this one."""
+    pins = processor.pins({"avx2", "fma", "avx512f"})
+    environment = {name: value for name, value in os.environ.items() if name not in pins}
+    environment |= {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
     with file.open("wb") as log:
         return subprocess.Popen([sys.executable, "-m", *words], cwd=ROOT, env=environment, stdout=log, stderr=log)
 
@@ -147,16 +150,7 @@ def test_dask_on_separate_processes_gives_the_same_bytes_though_a_worker_is_kill
     processes = [started(*scheduler, file=tmp_path / "scheduler.log")]
     try:
         until(information.is_file, processes)
-        worker = [
-            "dask",
-            "worker",
-            "--scheduler-file",
-            str(information),
-            "--preload-nanny",
-            "pipeline",
-            "--nthreads",
-            "1",
-        ]
+        worker = ["pipeline.dask_worker", "--scheduler-file", str(information), "--nthreads", "1"]
         worker += ["--no-dashboard", "--local-directory", str(tmp_path)]
         for number in range(2):
             processes.append(started(*worker, file=tmp_path / f"worker-{number}.log"))
