@@ -181,7 +181,7 @@ def test_pictures_that_a_worker_writes_into_another_folder_are_an_error_and_leav
 
     monkeypatch.setattr(render_sim, "render_viewpoint", elsewhere)
     config = parse(compose(["profile=smoke"], ROOT / "conf"), "conf/")
-    with pytest.raises(InputError, match=r"executor\.address=.*start workers in"):
+    with pytest.raises(InputError, match=r"executor\.address=.*start Dask workers in"):
         render_sim.run.run(config, {}, tmp_path, tmp_path)
     assert not list((tmp_path / "data").iterdir())
 
