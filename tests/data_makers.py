@@ -14,6 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from pipeline.camera.mtf import sample
 from pipeline.streams import stream
 
 Corners = tuple[int, int, int, int]
@@ -37,6 +38,12 @@ def _picture(name: str, width_px: int, height_px: int, objects: tuple[Corners, .
     for x1, y1, x2, y2 in objects:
         image[y1:y2, x1:x2] = 40 + 20 * ((np.arange(y1, y2)[:, None] // 6 + np.arange(x1, x2)[None] // 9) % 2)
     return np.rint(image).astype(np.uint8)
+
+
+def gaussian_mtf(sigma_px: float) -> np.ndarray:
+    """(2, 8) MTF of a Gaussian blur as OpenCV's kernel gives it."""
+    kernel = cv2.getGaussianKernel(21, sigma_px)
+    return sample(kernel @ kernel.T)
 
 
 def write(path: Path, image: np.ndarray) -> None:

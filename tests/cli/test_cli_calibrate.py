@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from control_makers import performance
-from data_makers import picture
+from data_makers import gaussian_mtf, picture
 from star_makers import synthesise
 
 from pipeline.blur import camera_calibration, create
 from pipeline.blur.base import WithoutEmptyFrequencies
 from pipeline.blur.spectral import Spectral
-from pipeline.camera.mtf import FREQUENCIES, sample
+from pipeline.camera.mtf import FREQUENCIES
 from pipeline.camera.slanted_edge import measure
 from pipeline.camera.star_centre import point_of_symmetry
 from pipeline.cli import camera_store, main
@@ -45,11 +45,6 @@ def save(path, image):
     return path
 
 
-def gaussian_mtf(sigma_px=SIGMA_PX):
-    kernel = cv2.getGaussianKernel(21, sigma_px)
-    return sample(kernel @ kernel.T)
-
-
 def edge(upright, size_px=120, slope=0.08):
     fine = np.arange(size_px * 6) / 6
     slanted = ((fine[None] - slope * fine[:, None]) > size_px * 0.45).astype(np.float64)
@@ -65,7 +60,7 @@ def test_two_edges_give_both_axes_and_the_stored_camera_is_used(tmp_path, home):
     again = call("calibrate", "front", *files, "--chart", "edge")
     assert "replaces the stored calibration of front" in again.output
     stored = camera_store.load("front")
-    truth = gaussian_mtf() * np.sinc(FREQUENCIES / 2)
+    truth = gaussian_mtf(SIGMA_PX) * np.sinc(FREQUENCIES / 2)
     np.testing.assert_allclose(stored.sharp_mtf, truth, atol=0.03)
     assert (home / "cameras/front.json").is_file() and camera_store.names() == ["front"]
     image = cv2.GaussianBlur(picture("health").astype(float) / 255, (0, 0), SIGMA_PX)
@@ -107,7 +102,7 @@ def test_edges_may_have_different_sizes_and_old_sizes_of_charts_are_ignored(tmp_
     done = call("calibrate", "front", upright, flat, "--chart", "edge")
     assert done.exit_code == 0, done.output
     np.testing.assert_allclose(
-        camera_store.load("front").sharp_mtf, gaussian_mtf() * np.sinc(FREQUENCIES / 2), atol=0.03
+        camera_store.load("front").sharp_mtf, gaussian_mtf(SIGMA_PX) * np.sinc(FREQUENCIES / 2), atol=0.03
     )
     path = camera_store.path_of("front")
     path.write_text(json.dumps({**json.loads(path.read_text()), "size_px": [300, 125]}))
@@ -165,7 +160,7 @@ def test_clipped_charts_are_refused_and_white_of_exactly_255_is_not(tmp_path):
 
     assert done(0.0, 1.0).exit_code == 0
     np.testing.assert_allclose(
-        camera_store.load("front").sharp_mtf, gaussian_mtf() * np.sinc(FREQUENCIES / 2), atol=0.03
+        camera_store.load("front").sharp_mtf, gaussian_mtf(SIGMA_PX) * np.sinc(FREQUENCIES / 2), atol=0.03
     )
     for low, high, words in (
         (0.2, 1.2, "0.png: edge: clipped at white, which changes its MTF; expose less"),
@@ -196,7 +191,7 @@ def test_a_star_gives_the_mtf_with_its_centre_located(tmp_path, centre_px):
     assert point_of_symmetry(image) == pytest.approx(centre_px, abs=0.2)
     done = call("calibrate", "front", save(tmp_path / "star.png", image), "--chart", "star", "--rays", 60)
     assert done.exit_code == 0, done.output
-    truth = gaussian_mtf() * np.sinc(FREQUENCIES / 2)
+    truth = gaussian_mtf(SIGMA_PX) * np.sinc(FREQUENCIES / 2)
     np.testing.assert_allclose(camera_store.load("front").sharp_mtf, truth / truth[:, :1], atol=0.02)
 
 

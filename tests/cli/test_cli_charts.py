@@ -5,20 +5,15 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from data_makers import picture
+from data_makers import gaussian_mtf, picture
 from star_makers import synthesise
 
-from pipeline.camera.mtf import FREQUENCIES, sample
+from pipeline.camera.mtf import FREQUENCIES
 from pipeline.cli.charts import star_mtf
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
 SIGMA_PX = 0.9
-
-
-def gaussian_mtf():
-    kernel = cv2.getGaussianKernel(21, SIGMA_PX)
-    return sample(kernel @ kernel.T)
 
 
 def test_a_star_too_noisy_for_its_contrast_is_refused():
@@ -52,7 +47,7 @@ def test_common_stars_work_without_more_options(rays, size_px):
     sharp = synthesise(size_px, size_px, rays, supersample=2).astype(np.float64)
     mtf = star_mtf([("star", cv2.GaussianBlur(sharp, (0, 0), SIGMA_PX).astype(np.float32))], rays)
     x = np.pi * FREQUENCIES / 2 / 2
-    truth = gaussian_mtf() * np.cos(x)  # the mean of two points per pixel
+    truth = gaussian_mtf(SIGMA_PX) * np.cos(x)  # the mean of two points per pixel
     np.testing.assert_allclose(mtf, truth / truth[:, :1], atol=0.03 if rays < 36 else 0.01)
 
 
@@ -68,7 +63,7 @@ def test_black_and_white_rays_give_the_same_mtf(rays, size_px):
     x = (np.arange(4 * size_px) - 2 * size_px + 0.5)[None]  # four times as fine as the pixels
     fine = np.where(np.sin(rays * np.arctan2(-x.T, x)) > 0, 0.85, 0.15).astype(np.float32)
     image = cv2.GaussianBlur(fine, (0, 0), 4 * SIGMA_PX).reshape(size_px, 4, size_px, 4).mean(axis=(1, 3))
-    truth = gaussian_mtf() * np.sinc(FREQUENCIES / 2)
+    truth = gaussian_mtf(SIGMA_PX) * np.sinc(FREQUENCIES / 2)
     np.testing.assert_allclose(star_mtf([("star", image)], rays), np.maximum(truth / truth[:, :1], 0.05), atol=0.03)
 
 
