@@ -204,8 +204,8 @@ def test_pictures_and_videos_are_read_as_stored_whatever_their_metadata_ask_for(
     assert done.exit_code == 0 and "stored turned or mirrored (orientation 6)" in done.stderr, done.output
 
 
-def film(path: Path, angle: int = 0, curve: int = 2) -> Path:
-    """Three frames of H.264 whose header asks for a turn; with a transfer curve of ITU-T H.273."""
+def film(path: Path, curve: int = 2) -> Path:
+    """Three frames of H.264 with a transfer curve of ITU-T H.273."""
     with av.open(str(path), "w") as container:
         stream = container.add_stream("libx264", rate=10)
         stream.width, stream.height, stream.pix_fmt = 224, 208, "yuv420p"
@@ -216,21 +216,26 @@ def film(path: Path, angle: int = 0, curve: int = 2) -> Path:
             frame.color_trc = curve
             container.mux(stream.encode(frame))
         container.mux(stream.encode())
-    if angle:
-        content = bytearray(path.read_bytes())
-        begin = content.index(b"tkhd") + 44
-        matrix = (0, 65536, 0, -65536, 0, 0, 208 << 16, 0, 1 << 30)
-        content[begin : begin + 36] = b"".join(value.to_bytes(4, signed=True) for value in matrix)
-        path.write_bytes(content)
+    return path
+
+
+def turned(source: Path, path: Path) -> Path:
+    """A copy of a video whose header asks for a turn by 90 degrees."""
+    content = bytearray(source.read_bytes())
+    begin = content.index(b"tkhd") + 44
+    matrix = (0, 65536, 0, -65536, 0, 0, 208 << 16, 0, 1 << 30)
+    content[begin : begin + 36] = b"".join(value.to_bytes(4, signed=True) for value in matrix)
+    path.write_bytes(content)
     return path
 
 
 def test_turned_videos_are_counted_and_pointed_out_once(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     hinted: Counter[int] = Counter()
-    plain = [image for _, image, _ in read(film(tmp_path / "a.mp4"), hinted=hinted)]
+    source = film(tmp_path / "a.mp4")
+    plain = [image for _, image, _ in read(source, hinted=hinted)]
     assert not hinted and capfd.readouterr().err == ""
     for name in ("b", "c"):
-        stored = [image for _, image, _ in read(film(tmp_path / f"{name}.mp4", angle=90), hinted=hinted)]
+        stored = [image for _, image, _ in read(turned(source, tmp_path / f"{name}.mp4"), hinted=hinted)]
         assert np.array_equal(stored, plain)
     assert hinted == {TURNED: 2}
     (line,) = capfd.readouterr().err.splitlines()
