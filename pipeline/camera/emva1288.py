@@ -10,18 +10,22 @@ frames a and b of one scene, b of r times the exposure, differ by noise alone on
 
     var(b - r a) / (1 + r^2) = c + K mu_b (1 + r) / (1 + r^2),
 
-which for r = 1 is half the variance of their difference. As in the standard the line is fitted up to 70 % of
-saturation, where sensors are linear. Beyond the standard, a bin of points is summarised by medians instead of means,
-since between two exposures an edge of a real scene may move: of 7361 blocks of a Flea3 a few in a hundred hold such an
-edge, and raise means of the variance by up to 10 %. The variance of n normal numbers follows chi^2 with n - 1 degrees
-of freedom; its median over its mean (0.9974 of a block) is divided out.
+which for r = 1 is half the variance of their difference. It is taken around a plane in each block of 16 x 16 px, so
+that light that changes across a block from one frame to the next, as of a flickering lamp behind a rolling shutter, is
+not counted. As in the standard the line is fitted up to 70 % of saturation, where sensors are linear. Beyond the
+standard, a bin of points is summarised by medians instead of means, since between two exposures an edge of a real scene
+may move: of 4455 blocks of a Flea3 a few in a thousand hold such an edge, and raise means of the variance by up to 4 %.
+Medians are of variances over the line of the fit before: bins may hold two levels of light, and variances of both have
+no median near their mean, but all are spread around the line as chi^2 with n - 3 degrees of freedom, whose median over
+its mean (0.9974 of a block) is divided out.
 
 Dark current: the mean of dark frames grows linearly with the exposure time; its slope over K is in electrons per
 second. A camera whose black level is at 0 cuts off half of its dark noise: means and variances of its dark frames are
 then limits, not measurements, which `DarkCurrent.zero_fraction` shows.
 
-The intercept c is extrapolated from lit blocks, whose own noise spreads them over several grey values. Where it is
-below q^2 / 12 there is no dark noise to state.
+The intercept c is extrapolated from lit blocks, whose own noise spreads them over several grey values: rounding adds
+q^2 / 12 to the variance only of noise that is not small against q, so that blocks of less than .4 q^2 are left out.
+Where c is below q^2 / 12 there is no dark noise to state.
 
 Fixed pattern: what pixels differ by in every frame, in proportion to their light, is not among this noise, though a
 single frame shows it like noise. Two frames of one scene share it,
@@ -50,10 +54,15 @@ from pipeline.errors import InputError
 
 PLANES = ("00", "01", "10", "11")
 BLOCK_PX = 16
-LOWEST_STEPS = 4.0  # of grey above black; below this the black level cuts off part of the noise
+FREEDOM = BLOCK_PX**2 - 3  # of the pixels of a block around a plane
+LOWEST_STEPS = 4.0  # of grey above black
 CLIPPED_FRACTION = 0.98  # of white: pixels from here on count as clipped
+UNDERFLOW_FRACTION = 0.005  # of pixels at 0, which cuts their noise off; as much as the standard allows
 LINEAR_FRACTION = 0.7  # of saturation, up to which the standard fits the line
 MEAN_BINS = 24
+LOWEST_VARIANCE_STEPS2 = 0.4  # q^2, rounding included; from here on rounding adds q^2 / 12 within 1 % of the variance
+FITS = 3  # of the line: bins of two levels bias the first by up to 3 %, the second by a tenth of that
+SURE_ERRORS = 3.0  # standard errors by which the gain has to exceed 0
 _FINE_GAIN = 70.0  # of the fourth difference along rows and columns: 1 + 16 + 36 + 16 + 1
 
 
@@ -220,8 +229,8 @@ def points_of_pair(
 ) -> TransferPoints:
     """Points from two frames of one scene, block by block.
 
-    Blocks are left out where they hold a clipped pixel, where the first frame is too dark, and where the second is
-    brighter than 70 % of saturation.
+    Blocks are left out where they hold a clipped pixel or more than .5 % of pixels at 0, where the first frame is too
+    dark, and where the second is brighter than 70 % of saturation.
 
     Args:
         first: (H, W) one colour plane, or a sensor without colour filters, raw DN.
@@ -239,36 +248,32 @@ def points_of_pair(
         raise InputError(f"white_dn: {white_dn:g} DN, expected more than the black level of {black_dn:g} DN")
     a, b = _blocks(first), _blocks(second)
     unclipped = np.maximum(a, b).max(axis=(1, 2)) < CLIPPED_FRACTION * white_dn
+    unclipped &= (np.minimum(a, b) <= 0).mean(axis=(1, 2)) < UNDERFLOW_FRACTION
     a, b = a - black_dn, b - black_dn
     linear = b.mean(axis=(1, 2)) <= LINEAR_FRACTION * (white_dn - black_dn)
     keep = (a.mean(axis=(1, 2)) >= LOWEST_STEPS * step_dn) & unclipped & linear
     a, b = a[keep], b[keep]
     mean_of_first, mean = a.mean(axis=(1, 2)), b.mean(axis=(1, 2))
     ratio = mean / mean_of_first
-    variance = (b - ratio[:, None, None] * a).var(axis=(1, 2), ddof=1) / (1 + ratio**2)
+    variance = _noise_variance(b - ratio[:, None, None] * a) / (1 + ratio**2)
     pattern = (_fine(a) * _fine(b)).mean(axis=(1, 2)) / (mean_of_first * mean)
     return TransferPoints(mean * (1 + ratio) / (1 + ratio**2), variance, pattern)
 
 
-def binned(points: Sequence[TransferPoints]) -> TransferPoints:
-    """Points in bins of equal count, each by its median mean and median variance, made unbiased; see the module.
+def binned(points: Sequence[TransferPoints], step_dn: float = 1.0) -> TransferPoints:
+    """Points in bins of equal count, as the line is fitted to them; see the module.
+
+    Args:
+        points: of any number of frames of one colour plane.
+        step_dn: between neighbouring grey values of the frames, DN (`grey_step_dn`).
+
+    Returns:
+        the median mean of each bin, and its variance there, unbiased.
 
     Raises:
-        InputError: fewer than 24 points.
+        InputError: fewer than 24 points whose noise rounding does not hide.
     """
-    from scipy.special import chdtri
-
-    mean = np.concatenate([part.mean_dn for part in points]) if points else np.empty(0)
-    variance = np.concatenate([part.variance_dn2 for part in points]) if points else np.empty(0)
-    if len(mean) < MEAN_BINS:
-        raise InputError(f"photon transfer: {len(mean)} usable blocks, expected {MEAN_BINS} or more; give more frames")
-    bins = np.array_split(np.argsort(mean, kind="stable"), MEAN_BINS)
-    freedom = BLOCK_PX**2 - 1
-    median_over_mean = float(chdtri(freedom, 0.5)) / freedom
-    return TransferPoints(
-        np.array([np.median(mean[index]) for index in bins]),
-        np.array([np.median(variance[index]) for index in bins]) / median_over_mean,
-    )
+    return _fitted(points, step_dn)[0]
 
 
 def photon_transfer(points: Sequence[TransferPoints], black_dn: float = 0.0, step_dn: float = 1.0) -> PhotonTransfer:
@@ -280,18 +285,20 @@ def photon_transfer(points: Sequence[TransferPoints], black_dn: float = 0.0, ste
         step_dn: between neighbouring grey values of the frames, DN (`grey_step_dn`).
 
     Returns:
-        the fit; weights are the inverse of the squared variance, to which the error of a variance is proportional. The
-        fixed pattern is the median over all blocks.
+        the fit; weights are the inverse of the line, to which the error of a variance is proportional. The fixed
+        pattern is the median over all blocks.
 
     Raises:
-        InputError: fewer than 24 points, or a variance that does not grow with the mean.
+        InputError: fewer than 24 points whose noise rounding does not hide, or a variance that does not grow with the
+            mean by three standard errors.
     """
-    bins = binned(points)
-    weight = 1 / np.maximum(bins.variance_dn2, quantisation_dn2(step_dn))
-    (slope, offset), covariance = np.polyfit(bins.mean_dn, bins.variance_dn2, 1, w=weight, cov=True)
-    if not slope > 0:
-        raise InputError("photon transfer: the variance does not grow with the mean; expected linear raw frames")
+    _, (slope, offset), covariance = _fitted(points, step_dn)
     slope_error, offset_error = np.sqrt(np.diag(covariance))
+    if not slope > max(SURE_ERRORS * slope_error, 0.0):
+        raise InputError(
+            f"photon transfer: the variance grows with the mean by {slope:.3g} ± {slope_error:.2g} DN per electron, "
+            "which is not sure; expected linear raw frames of dark and of bright scenes"
+        )
     pattern = np.concatenate([part.pattern_variance for part in points])
     return PhotonTransfer(
         gain_dn_per_e=float(slope),
@@ -324,6 +331,41 @@ def dark_current(exposures_s: Sequence[float], frames: Sequence[NDArray[np.gener
     (slope, offset), covariance = np.polyfit(np.asarray(exposures_s, dtype=np.float64), means, 1, cov=True)
     zero = float(np.mean([np.mean(frame == 0) for frame in frames]))
     return DarkCurrent(float(slope), float(np.sqrt(covariance[0, 0])), float(offset), zero)
+
+
+def _fitted(
+    points: Sequence[TransferPoints], step_dn: float
+) -> tuple[TransferPoints, NDArray[np.float64], NDArray[np.float64]]:
+    """Bins of points, the line through them (slope, offset), and its covariance; see `binned`."""
+    from scipy.special import chdtri
+
+    mean = np.concatenate([part.mean_dn for part in points]) if points else np.empty(0)
+    variance = np.concatenate([part.variance_dn2 for part in points]) if points else np.empty(0)
+    median_over_mean = float(chdtri(FREEDOM, 0.5)) / FREEDOM
+    line, lowest = np.array([0.0, step_dn**2]), LOWEST_VARIANCE_STEPS2 * step_dn**2
+    for _ in range(FITS):
+        usable = np.polyval(line, mean) >= lowest
+        if usable.sum() < MEAN_BINS:
+            hidden = f"; of {len(mean)} others rounding hides the noise" if len(mean) >= MEAN_BINS else ""
+            raise InputError(
+                f"photon transfer: {usable.sum()} usable blocks{hidden}, expected {MEAN_BINS} or more; give more frames"
+            )
+        mean, variance = mean[usable], variance[usable]
+        bins = np.array_split(np.argsort(mean, kind="stable"), MEAN_BINS)
+        centre = np.array([np.median(mean[index]) for index in bins])
+        over_line = variance / np.polyval(line, mean)
+        at_centre = np.maximum(np.polyval(line, centre), lowest)
+        in_bins = np.array([np.median(over_line[index]) for index in bins]) * at_centre / median_over_mean
+        line, covariance = np.polyfit(centre, in_bins, 1, w=1 / at_centre, cov=True)
+    return TransferPoints(centre, in_bins), line, covariance
+
+
+def _noise_variance(blocks: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Variance of (N, 16, 16) blocks around the plane that fits each best, (N,), unbiased."""
+    ramp = np.arange(BLOCK_PX) - (BLOCK_PX - 1) / 2
+    square = BLOCK_PX * ramp @ ramp
+    ramps = [np.einsum(order, blocks, ramp) ** 2 / square for order in ("nij,i->n", "nij,j->n")]
+    return (blocks.var(axis=(1, 2)) * BLOCK_PX**2 - sum(ramps)) / FREEDOM
 
 
 def _fine(blocks: NDArray[np.float64]) -> NDArray[np.float64]:
