@@ -70,7 +70,7 @@ def noise_command(
 @command.command("sensor")
 @click.option(
     "--light", required=True, type=GivenPath(),
-    help="folder of raw mosaics SCENE_250ms_*.tif, each scene at two exposures or more",
+    help="folder of raw mosaics SCENE_250ms_*.tif, each scene twice at each exposure, or at two exposures or more",
 )  # fmt: skip
 @click.option("--dark", required=True, type=GivenPath(), help="folder of dark frames of three exposures or more")
 @click.option(

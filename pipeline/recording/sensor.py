@@ -56,7 +56,7 @@ def record(
     """Measure a sensor and write everything into a folder.
 
     Args:
-        light: folder of frames of lit scenes, each scene at two exposures or more, or twice at one.
+        light: folder of frames of lit scenes, each scene at two exposures or more, or twice at each.
         dark: folder of dark frames of three exposures or more.
         white_dn: grey value of saturation, DN.
         kinds: name in the tables -> registered noise estimator and its options.

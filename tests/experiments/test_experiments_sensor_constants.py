@@ -85,3 +85,47 @@ def test_the_noise_of_a_grey_value_counts_from_the_black_level(sensor):
 def test_white_below_the_black_level_is_refused(tmp_path):
     with pytest.raises(InputError, match="white_dn: 20 DN, expected more than the black level of 30"):
         measured(tmp_path, 30.0, dark_e=20.0, white_dn=20.0)
+
+
+def flat_fields(root: Path, offset_e: float = 0.0, light: str = "light", dark: str = "dark") -> None:
+    """Two frames each of seven levels, and dark frames, 8 bit; pixels differ by offsets."""
+    offsets = offset_e * stream(1, "sensor offsets").standard_normal((320, 320))
+    for exposure in (50, 500, 2000):
+        write(root / dark, "dark", exposure, np.zeros((200, 200)), 10.0, 20.0)
+    for shot in ("1", "2"):
+        for exposure in (10, 20, 40, 70, 110, 160, 220):
+            generator = stream(1, "sensor flat", shot, exposure)
+            signal = generator.poisson(15.0 * exposure, offsets.shape) + generator.normal(offsets, 20.0)
+            (root / light).mkdir(exist_ok=True, parents=True)
+            picture = np.clip(np.rint(10 + GAIN * signal), 0, 255).astype(np.uint8)
+            assert cv2.imwrite(str(root / light / f"flat_{exposure}ms_{shot}.tif"), picture)
+
+
+def test_offsets_of_pixels_cancel_in_pairs_of_equal_exposure(tmp_path):
+    """Between unequal exposures offsets as strong as the dark noise raised it by 8 %."""
+    flat_fields(tmp_path, offset_e=20.0)
+    transfer = sensor_constants(raw_frames(tmp_path / "light"), raw_frames(tmp_path / "dark"), WHITE_DN).transfer
+    assert transfer["gain_dn_per_e"].mean() == pytest.approx(GAIN, rel=0.01)
+    assert transfer["dark_sigma_e"].mean() == pytest.approx(20, rel=0.03)
+
+
+def test_frames_of_more_bits_than_white_are_refused_by_name(tmp_path):
+    flat_fields(tmp_path)
+    with pytest.raises(InputError, match=r"flat_\d+ms_\d.tif: grey values up to .* white_dn, 60 DN"):
+        sensor_constants(raw_frames(tmp_path / "light"), raw_frames(tmp_path / "dark"), 60.0)
+
+
+def test_lit_frames_for_dark_ones_are_refused(tmp_path):
+    flat_fields(tmp_path, light="dark", dark="light")
+    for name in ("_2", "_3"):
+        write(tmp_path / "light", "dark" + name, 50, np.zeros((200, 200)), 10.0, 20.0)
+    with pytest.raises(InputError, match="dark: all frames brighter than those of .*light"):
+        sensor_constants(raw_frames(tmp_path / "light"), raw_frames(tmp_path / "dark"), WHITE_DN)
+
+
+def test_scenes_of_single_frames_are_refused_with_how_to_name_them(tmp_path):
+    flat_fields(tmp_path)
+    for number, path in enumerate(sorted((tmp_path / "light").iterdir())):
+        path.rename(path.with_name(f"{number}_{path.name}"))
+    with pytest.raises(InputError, match="no scene has two frames.*0_flat_250ms_1.tif"):
+        sensor_constants(raw_frames(tmp_path / "light"), raw_frames(tmp_path / "dark"), WHITE_DN)
