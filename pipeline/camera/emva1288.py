@@ -343,16 +343,20 @@ def _fitted(
     variance = np.concatenate([part.variance_dn2 for part in points]) if points else np.empty(0)
     median_over_mean = float(chdtri(FREEDOM, 0.5)) / FREEDOM
     line, lowest = np.array([0.0, step_dn**2]), LOWEST_VARIANCE_STEPS2 * step_dn**2
+    if len(mean) < MEAN_BINS:
+        raise InputError(f"photon transfer: {len(mean)} usable blocks, expected {MEAN_BINS} or more; give more frames")
     for _ in range(FITS):
         usable = np.polyval(line, mean) >= lowest
         if usable.sum() < MEAN_BINS:
-            hidden = f"; of {len(mean)} others rounding hides the noise" if len(mean) >= MEAN_BINS else ""
             raise InputError(
-                f"photon transfer: {usable.sum()} usable blocks{hidden}, expected {MEAN_BINS} or more; give more frames"
+                f"photon transfer: rounding hides the noise of all but {usable.sum()} blocks, expected {MEAN_BINS} or "
+                "more that show it; give frames of more light, more gain or more bits"
             )
         mean, variance = mean[usable], variance[usable]
         bins = np.array_split(np.argsort(mean, kind="stable"), MEAN_BINS)
         centre = np.array([np.median(mean[index]) for index in bins])
+        if centre[0] == centre[-1]:
+            raise InputError(f"photon transfer: all blocks of {centre[0]:g} DN, expected dark and bright scenes")
         over_line = variance / np.polyval(line, mean)
         at_centre = np.maximum(np.polyval(line, centre), lowest)
         in_bins = np.array([np.median(over_line[index]) for index in bins]) * at_centre / median_over_mean

@@ -58,8 +58,8 @@ def sensor_constants(light: Sequence[RawFrame], dark: Sequence[RawFrame], white_
         white_dn: raw grey value of saturation, DN.
 
     Raises:
-        InputError: frames are broken or too few, no scene has a pair, dark frames are brighter than lit ones, or white
-            is not above the black level or below grey values of lit frames.
+        InputError: frames are broken, of unequal shape or too few, no scene has a pair, dark frames are brighter than
+            lit ones, or white is not above the black level or below grey values of lit frames.
     """
     import pandas as pd
 
@@ -77,6 +77,8 @@ def sensor_constants(light: Sequence[RawFrame], dark: Sequence[RawFrame], white_
     brightest_dn = 0.0
     for pair in pairs:
         first, second = (frame.pixels() for frame in pair)
+        if first.shape != second.shape:
+            raise InputError(f"{pair[1].path}: shape {second.shape}, expected {first.shape} of {pair[0].path.name}")
         brightest_dn = max(brightest_dn, second.mean())
         for name, curve in curves.items():
             a, b = emva1288.plane(first, name), emva1288.plane(second, name)
@@ -104,9 +106,10 @@ def sensor_constants(light: Sequence[RawFrame], dark: Sequence[RawFrame], white_
 
 
 def _pairs(scene: Sequence[RawFrame]) -> list[tuple[RawFrame, RawFrame]]:
-    """Neighbours by exposure; of equal exposure only where each has two frames, which the offsets of pixels cancel in.
+    """Neighbours by exposure; where each exposure has two frames, only those of equal exposure.
 
-    Frames that pairs share, as those between unequal ones are, make errors of the line look smaller than they are.
+    In these the offsets of pixels cancel. Between unequal exposures pairs share frames, too, so that the errors of the
+    line are a quarter too small.
     """
     pairs = list(pairwise(scene))
     equal = [pair for pair in pairs if pair[0].exposure_s == pair[1].exposure_s]

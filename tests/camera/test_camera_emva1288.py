@@ -277,6 +277,8 @@ def test_bad_input_is_named():
         emva1288.photon_transfer([])
     with pytest.raises(InputError, match="white_dn"):
         emva1288.points_of_pair(np.zeros((64, 64)), np.zeros((64, 64)), 20, 30)
+    with pytest.raises(InputError, match="all blocks of 9 DN"):
+        emva1288.photon_transfer([emva1288.TransferPoints(np.full(99, 9.0), np.full(99, 2.0))])
     falling = emva1288.TransferPoints(np.linspace(10, 200, 100), np.linspace(20, 2, 100))
     with pytest.raises(InputError, match="which is not sure"):
         emva1288.photon_transfer([falling])

@@ -115,6 +115,13 @@ def test_frames_of_more_bits_than_white_are_refused_by_name(tmp_path):
         sensor_constants(raw_frames(tmp_path / "light"), raw_frames(tmp_path / "dark"), 60.0)
 
 
+def test_frames_of_another_size_are_refused_by_name(tmp_path):
+    flat_fields(tmp_path)
+    assert cv2.imwrite(str(tmp_path / "light" / "flat_70ms_2.tif"), np.full((320, 300), 90, np.uint8))
+    with pytest.raises(InputError, match=r"flat_70ms_2.tif: shape \(320, 300\), expected \(320, 320\) of flat_70ms_1"):
+        sensor_constants(raw_frames(tmp_path / "light"), raw_frames(tmp_path / "dark"), WHITE_DN)
+
+
 def test_lit_frames_for_dark_ones_are_refused(tmp_path):
     flat_fields(tmp_path, light="dark", dark="light")
     for name in ("_2", "_3"):
