@@ -28,6 +28,7 @@ COMMANDS = {
     "record": "Measure estimators on your frames and photographs, sensors on raw frames.",
     "curves": "Ask measured curves for a detector's average precision at some noise and blur.",
     "advise": "Advise exposure and gain for pictures, and say why.",
+    "budget": "Compare the noise of pictures with what their sensor explains, by source.",
     "doctor": "State what is installed, which weights and data are there, what runs.",
     "init": "Make a small project with a dataset, estimator, detector and policy of one's own.",
     "report": "Compare the numbers of two reports.",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -13,9 +12,6 @@ from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.numbers import FiniteRange
 from pipeline.cli.video_codec import codec_option
 from pipeline.errors import InputError, printable
-
-if TYPE_CHECKING:
-    from pipeline.control.state import CameraState
 
 
 @click.command("advise")
@@ -25,7 +21,9 @@ if TYPE_CHECKING:
 @click.option(
     "--speed", type=FiniteRange(0, 1e9), help="speed of the image, px/s, where it is known; else from the blur"
 )
-@click.option("--sensor", default="paper", show_default=True, help="sensor preset, for predicting noise")
+@click.option(
+    "--sensor", default="paper", show_default=True, help="for predicting noise: preset, or record of a sensor"
+)
 @click.option("--exposure-max", default="33ms", show_default=True, help="longest exposure time allowed")
 @click.option(
     "--iso-max", default=3200.0, show_default=True, type=FiniteRange(100, 1_000_000), help="highest ISO allowed"
@@ -53,18 +51,18 @@ def command(
     """
     from collections import Counter
 
-    from pipeline.camera import sensor as sensors
     from pipeline.camera.exposure import Camera
     from pipeline.cli import camera_store
     from pipeline.cli.frame_analysis import find_surface, system_mtf
     from pipeline.cli.pictures import expand, least_side_px, readable
     from pipeline.cli.set_aside import SetAside
-    from pipeline.cli.shot_settings import seconds
+    from pipeline.cli.shot_settings import needed_settings, seconds
     from pipeline.condition import ConditionMonitor
     from pipeline.control.advice import advise
     from pipeline.control.policy import ControlledCamera
-    from pipeline.control.state import BASE_ISO, Limits
+    from pipeline.control.state import BASE_ISO, CameraState, Limits
     from pipeline.executor import one_thread
+    from pipeline.recording.measured_sensor import sensor_of
 
     one_thread()
     if exposure is not None:
@@ -75,7 +73,7 @@ def command(
         raise InputError(f"--exposure-max {exposure_max}: expected at least {shortest}, the shortest time advised")
     stored = None if camera_name is None else camera_store.load(camera_name)
     limits = Limits(exposure_max_s=exposure_max_s, gain_max=iso_max / BASE_ISO)
-    camera = ControlledCamera(limits, Camera(sensors.named(sensor)))
+    camera = ControlledCamera(limits, Camera(sensor_of(sensor)[0]))
     files = expand(paths)
     performance, without = find_surface(surface)
     if performance is None:
@@ -89,10 +87,11 @@ def command(
     sharp_px = None if stored is None else stored.size_px
     for path in files:
         try:
-            state = _settings(path, exposure, iso)
+            exposure_s, known_iso = needed_settings(path, exposure, iso)
         except InputError as error:
             set_aside.add(str(path), error)
             continue
+        state = CameraState(exposure_s, known_iso / BASE_ISO)
         for name, image, problem, coding in readable([path], 1, hinted, least_side_px(monitor.noise_estimator)):
             try:
                 if image is None:
@@ -112,21 +111,6 @@ def command(
             row = {key: _plain(value) for key, value in advice.row().items()}
             click.echo(json.dumps({"picture": name, **row}))
     set_aside.refuse()
-
-
-def _settings(path: Path, exposure: str | None, iso: float | None) -> CameraState:
-    """Settings of a file; refused where they are neither given nor in its EXIF data."""
-    from pipeline.cli.shot_settings import shot_settings
-    from pipeline.control.state import BASE_ISO, CameraState
-
-    time, known_iso = shot_settings(path, exposure, iso)
-    if time is None or known_iso is None:
-        missing = {"exposure time": "--exposure"} if time is None else {}
-        missing |= {"ISO": "--iso"} if known_iso is None else {}
-        names, options = " and ".join(missing), " and ".join(missing.values())
-        verb = "is" if len(missing) == 1 else "are"
-        raise InputError(f"{printable(path)}: its {names} {verb} in no EXIF data; give {options}")
-    return CameraState(time, known_iso / BASE_ISO)
 
 
 def _plain(value: object) -> object:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from pipeline.errors import DECODER_ERRORS, InputError
+from pipeline.errors import DECODER_ERRORS, InputError, printable
 
 _TIME = re.compile(r"^(?P<number>[0-9.]+(?:/[0-9.]+)?)\s*(?P<unit>us|ms|s)$")
 _PER_SECOND = {"us": 1e6, "ms": 1e3, "s": 1.0}
@@ -64,6 +64,22 @@ def shot_settings(path: Path, exposure: str | None, iso: float | None) -> tuple[
         exposure_s = stored[0] if exposure_s is None else exposure_s
         iso = stored[1] if iso is None else iso
     return exposure_s, iso
+
+
+def needed_settings(path: Path, exposure: str | None, iso: float | None) -> tuple[float, float]:
+    """Exposure time in seconds and ISO of a picture, as `shot_settings` has them.
+
+    Raises:
+        InputError: one of them is neither given nor in the file's EXIF data; names the option.
+    """
+    time_s, known_iso = shot_settings(path, exposure, iso)
+    if time_s is None or known_iso is None:
+        missing = {"exposure time": "--exposure"} if time_s is None else {}
+        missing |= {"ISO": "--iso"} if known_iso is None else {}
+        names, options = " and ".join(missing), " and ".join(missing.values())
+        verb = "is" if len(missing) == 1 else "are"
+        raise InputError(f"{printable(path)}: its {names} {verb} in no EXIF data; give {options}")
+    return time_s, known_iso
 
 
 def exif(path: Path) -> tuple[float | None, float | None]:

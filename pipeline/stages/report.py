@@ -59,6 +59,7 @@ def run(run: Run) -> None:
             "control": run.project / "benchmarks/results/control.json",
             "estimators": run.project / "benchmarks/results/estimators.json",
             "flags": run.project / "benchmarks/results/flags.json",
+            "noise_budget": run.project / "benchmarks/results/noise_budget.json",
             "noisy_blur": run.project / "benchmarks/results/noisy_blur.json",
             "other_frames": run.project / "benchmarks/results/other_frames.json",
             "real_blur": run.project / "benchmarks/results/real_blur.json",

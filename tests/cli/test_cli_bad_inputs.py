@@ -42,6 +42,7 @@ PICTURE_COMMANDS = {
     "calibrate edge": ["calibrate", "mine", "{bad}", "--chart", "edge"],
     "calibrate star": ["calibrate", "mine", "{bad}", "--chart", "star", "--rays", "60"],
     "advise": ["advise", "{bad}", *ADVICE],
+    "budget": ["budget", "{bad}", "--sensor", "paper", "--exposure", "4ms", "--iso", "100"],
     "record examples": [
         "record", "examples", "--real", "{bad}", "--mean", "{good}", "--frame", "{good}", "--source", "x",
         "--to", "{absent}",
@@ -54,7 +55,7 @@ PICTURE_COMMANDS = {
 }  # fmt: skip
 VIDEO_COMMANDS = {
     name: PICTURE_COMMANDS[name]
-    for name in ("health", "health sharp", "noise", "corrupt", "corrupt pipeline", "calibrate", "advise")
+    for name in ("health", "health sharp", "noise", "corrupt", "corrupt pipeline", "calibrate", "advise", "budget")
 }
 ARCHIVE_COMMANDS = {
     "curves query": ["curves", "query", "{bad}", "--sigma", "1", "--mtf", "0.5"],

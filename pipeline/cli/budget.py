@@ -1,0 +1,180 @@
+"""``camera-monitor budget``: the noise that a sensor explains in one's own pictures, by source, and what departs."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pipeline.cli.given_paths import GivenPath
+from pipeline.cli.numbers import FiniteRange
+from pipeline.cli.video_codec import codec_option
+from pipeline.errors import InputError
+
+if TYPE_CHECKING:
+    from pipeline.condition.noise_budget import Explanation, FrameBudget
+
+ALARM = 3
+ZERO_CELSIUS_K = 273.15
+REMEDIES = {
+    "photon": "more light and less gain lower it, by the root of the light",
+    "dark": "cool the sensor or expose for a shorter time",
+    "readout": "more light and less gain lower it, in proportion to the light",
+    "pattern": "correct the pixels by a flat field, or take less light",
+    "rounding": "noise is below the steps of the numbers",
+}
+NAMES = {
+    "photon": "photon noise",
+    "dark": "dark current",
+    "readout": "readout noise",
+    "pattern": "fixed pattern",
+    "rounding": "rounding",
+}
+CHANGES = {
+    "gain": "the gain were {:.2g} times that assumed",
+    "dark or readout": "dark and readout noise were {:.2g} times as strong",
+    "pattern": "pixels differed by {:.1%} of the light in every frame",
+    "added": "{:.2g} DN were added behind the tone curve",
+}
+
+
+@click.command("budget")
+@click.argument("paths", nargs=-1, required=True, type=GivenPath())
+@click.option("--sensor", required=True, help="preset, or a folder that camera-monitor record sensor has written")
+@click.option("--exposure", help="exposure time of the pictures, e.g. 4ms or 1/250s; from EXIF if left out")
+@click.option("--iso", type=FiniteRange(1, 1_000_000), help="their ISO; from EXIF if left out")
+@click.option(
+    "--base-iso", default=100.0, show_default=True, type=FiniteRange(1, 1_000_000),
+    help="ISO at which the sensor's constants hold: the lowest, or that of the recorded raw frames",
+)  # fmt: skip
+@click.option(
+    "--gamma", default=2.2, show_default=True, type=FiniteRange(1, 10), help="of the tone curve; 1 for linear pictures"
+)
+@click.option("--bits", default=12, show_default=True, type=click.IntRange(8, 24), help="of the sensor's converter")
+@click.option(
+    "--temperature", type=FiniteRange(-60, 150),
+    help="of the sensor, degrees Celsius; 27 if left out. A recorded sensor has that of its recording",
+)  # fmt: skip
+@click.option(
+    "--prnu", "prnu_percent", type=FiniteRange(0, 99),
+    help="fixed pattern, percent of the light (EMVA 1288); that of a recorded sensor, else 0, if left out",
+)  # fmt: skip
+@click.option(
+    "--alarm-frames", type=click.IntRange(1),
+    help="exit code 3 where as many frames in a row have more, or less, noise than the sensor explains",
+)  # fmt: skip
+@codec_option
+def command(
+    paths: tuple[Path, ...], sensor: str, exposure: str | None, iso: float | None, base_iso: float, gamma: float,
+    bits: int, temperature: float | None, prnu_percent: float | None, alarm_frames: int | None, codec: str | None,
+) -> None:  # fmt: skip
+    """Compare the noise of PATHS with what their sensor explains: pictures, videos, or folders of them.
+
+    Prints one JSON object per frame: estimated and expected noise, their ratio with its interval, the fractions of
+    photon noise, dark current, readout, fixed pattern and rounding in the expected variance, and in words what
+    dominates, what lowers it, and, where noise departs from the sensor, what would explain that. Noise that the camera
+    has demosaiced or denoised, or that a codec hides, is not compared: give pictures of a monochrome camera, or single
+    planes of a raw mosaic, before any processing but a tone curve.
+
+    Exit codes: 0 done; 2 if a file could not be used; 3 an alarm; 130 interrupted.
+    """
+    from collections import Counter
+
+    from pipeline import noise
+    from pipeline.camera.exposure import Camera
+    from pipeline.cli.pictures import expand, least_side_px, readable
+    from pipeline.cli.set_aside import SetAside
+    from pipeline.cli.shot_settings import needed_settings, seconds
+    from pipeline.condition.estimate import noise_of_frame
+    from pipeline.condition.noise_budget import noise_budget
+    from pipeline.executor import one_thread
+    from pipeline.recording.measured_sensor import RECORDED_K, is_record, sensor_of
+
+    one_thread()
+    if exposure is not None:
+        seconds(exposure, "--exposure")
+    if temperature is not None and is_record(sensor):
+        raise InputError(
+            f"--temperature {temperature:g}: {sensor} holds the dark current at the temperature of its recording; "
+            "leave it out"
+        )
+    kelvin = RECORDED_K if temperature is None else temperature + ZERO_CELSIUS_K
+    model, pattern = sensor_of(sensor)
+    pattern = pattern if prnu_percent is None else prnu_percent / 100.0
+    camera = Camera(model, gamma=gamma, temperature_k=kelvin, adc_bits=bits)
+    files, estimator = expand(paths), noise.create(noise.DEFAULT)
+    hinted, set_aside, departures = Counter[int](), SetAside(), list[str]()
+    for path in files:
+        try:
+            exposure_s, known_iso = needed_settings(path, exposure, iso)
+        except InputError as error:
+            set_aside.add(str(path), error)
+            continue
+        gain = known_iso / base_iso
+        for name, image, problem, coding in readable([path], 1, hinted, least_side_px(estimator)):
+            try:
+                if image is None:
+                    raise InputError(problem)
+                known = coding.or_by(codec or "")
+                state = noise_of_frame(estimator, image, codec=known.codec, quantiser=known.quantiser)
+                budget = noise_budget(image, state, camera, exposure_s, gain, pattern)
+            except InputError as error:
+                set_aside.add(name, error)
+                continue
+            departures.append(budget.departs)
+            click.echo(json.dumps({"picture": name, "exposure_ms": 1e3 * exposure_s, "gain": gain, **row(budget)}))
+    if alarm_frames is not None and longest_run(departures) >= alarm_frames:
+        click.echo(f"alarm: noise departs from the sensor in {longest_run(departures)} frames in a row", err=True)
+        raise SystemExit(ALARM)
+    set_aside.refuse()
+
+
+def row(budget: FrameBudget) -> dict[str, Any]:
+    """What is printed of a budget; numbers with four digits, null where unknown."""
+    numbers = {
+        "sigma_dn": budget.sigma_dn,
+        "expected_dn": budget.expected_dn,
+        "ratio": budget.ratio,
+        "ratio_low": budget.ratio_low,
+        "ratio_high": budget.ratio_high,
+        **{f"{name}_fraction": budget.shares.get(name, math.nan) for name in NAMES},
+    }
+    rounded = {name: float(f"{value:.4g}") if math.isfinite(value) else None for name, value in numbers.items()}
+    explanations = [{"kind": item.kind, "amount": float(f"{item.amount:.3g}")} for item in budget.explanations]
+    return {
+        **rounded, "tiles": budget.tiles, "departs": budget.departs, "explanations": explanations,
+        "words": words(budget),
+    }  # fmt: skip
+
+
+def words(budget: FrameBudget) -> str:
+    """A budget in one or two sentences."""
+    if budget.departs == "unknown":
+        return f"Not compared with the sensor: {budget.reason}."
+    share = budget.shares[budget.dominant]
+    source = NAMES[budget.dominant]
+    level = f"{budget.sigma_dn:.1f} DN, {budget.expected_dn:.1f} expected"
+    if not budget.departs:
+        condition = f"As the sensor explains ({level})."
+    else:
+        changes = " or ".join(_change(item) for item in budget.explanations)
+        condition = f"{budget.departs.capitalize()} noise than the sensor explains ({level}): as if {changes}."
+    return f"{condition} {source.capitalize()} is {share:.0%} of the expected variance: {REMEDIES[budget.dominant]}."
+
+
+def _change(explanation: Explanation) -> str:
+    return CHANGES[explanation.kind].format(explanation.amount)
+
+
+def longest_run(departures: list[str]) -> int:
+    """Most frames in a row that depart to the same side; frames that are not known are passed over."""
+    longest, length, side = 0, 0, ""
+    for departs in departures:
+        if departs == "unknown":
+            continue
+        length = length + 1 if departs and departs == side else int(bool(departs))
+        longest, side = max(longest, length), departs
+    return longest

@@ -1,0 +1,98 @@
+"""The model of a sensor that was measured: a record of ``camera-monitor record sensor`` as a `Sensor`.
+
+Photon transfer gives the electrons at full scale, the readout noise and the fixed pattern, dark frames the dark
+current, each as the median over the colour planes. They hold at the gain and the temperature of the recording: gain 1
+of the model, and `RECORDED_K` stands for that temperature, whatever it was.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.camera.sensor import Sensor, named
+from pipeline.errors import InputError, printable
+from pipeline.experiments.real_noise_records import DARK_FILE, TRANSFER_FILE
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+RECORDED_K = 300.0
+"""Temperature that `pipeline.camera.exposure.Camera` takes for that of the recording."""
+
+
+def is_record(name: str) -> bool:
+    """Whether a sensor's name is the folder of a record rather than a preset."""
+    return Path(name).is_dir()
+
+
+def sensor_of(name: str) -> tuple[Sensor, float]:
+    """A sensor and its fixed pattern, by the name of a preset, which has none, or by the folder of a record.
+
+    Args:
+        name: a key of `pipeline.camera.sensor.SENSORS`, or a folder; see `measured_sensor`.
+
+    Raises:
+        InputError: neither, or a record that is broken.
+    """
+    if is_record(name):
+        return measured_sensor(Path(name))
+    try:
+        return named(name), 0.0
+    except InputError as error:
+        raise InputError(f"{error}; or give a folder that camera-monitor record sensor has written") from None
+
+
+def measured_sensor(folder: Path) -> tuple[Sensor, float]:
+    """The sensor of a record: full scale, readout noise and dark current as measured, at gain 1 and `RECORDED_K`.
+
+    Readout noise that quantisation hid counts as 0, and so does a dark current below 0.
+
+    Args:
+        folder: that ``camera-monitor record sensor`` has written.
+
+    Returns:
+        the sensor, and the standard deviation of its fixed pattern as a fraction of the light.
+
+    Raises:
+        InputError: a table is absent or broken; names the file.
+    """
+    transfer = folder / TRANSFER_FILE
+    full_well_e, pattern = _median(transfer, "full_scale_e"), _median(transfer, "pattern_fraction")
+    readout_e = _median(transfer, "dark_sigma_e", may_be_absent=True)
+    current = max(_median(folder / DARK_FILE, "dark_current_e_per_s"), 0.0)
+    if not (full_well_e > 0.0 and readout_e >= 0.0 and 0.0 <= pattern < 1.0):
+        raise InputError(
+            f"{printable(transfer)}: full_scale_e={full_well_e:g}, dark_sigma_e={readout_e:g}, "
+            f"pattern_fraction={pattern:g}; expected above 0, at least 0 and 0 to 1; record the sensor again"
+        )
+    sensor = Sensor(full_well_e=full_well_e, read_noise_e=readout_e, dark_figure_na_per_cm2=1.0)
+    figure = current / sensor.dark_electrons(RECORDED_K, 1.0)
+    return replace(sensor, dark_figure_na_per_cm2=figure), pattern
+
+
+def _median(file: Path, column: str, may_be_absent: bool = False) -> float:
+    """Median of a column over the planes that have a number; 0 where none has and that may be."""
+    numbers = _table(file, column).dropna()
+    if numbers.empty and may_be_absent:
+        return 0.0
+    value = float(numbers.median()) if len(numbers) else math.nan
+    if not math.isfinite(value):
+        raise InputError(f"{printable(file)}: no number in its column {column}; record the sensor again")
+    return value
+
+
+def _table(file: Path, column: str) -> pd.Series:
+    import pandas as pd
+
+    expected = f"expected a table with a column {column}, as camera-monitor record sensor writes it"
+    if not file.is_file():
+        raise InputError(
+            f"{printable(file)}: no such file; give a folder that camera-monitor record sensor has written"
+        )
+    try:
+        return pd.read_csv(file)[column].astype(float)
+    except (ValueError, KeyError, UnicodeDecodeError) as error:  # pandas raises kinds of ValueError
+        raise InputError(f"{printable(file)}: {expected} ({' '.join(str(error).split())})") from None
