@@ -23,7 +23,7 @@ def test_the_committed_record_is_shown_whole() -> None:
     assert isinstance(table, Table) and [run.state for run in section.runs] == ["recorded"]
     record = json.loads(RECORD.read_text(encoding="utf-8"))
     assert len(table.rows) == sum(map(len, record["results"].values())) + len(record["raw"])
-    row = next(row for row in table.rows if str(row["sensor"]).startswith("Automotive") and row["case"] == "gain x 2")
+    row = next(row for row in table.rows if str(row["sensor"]).startswith("Automotive") and row["case"] == "gain × 2")
     counts = record["results"]["automotive_3um"]["gain x 2"]
     assert (row["more"], row["frames"]) == (counts["more"], counts["frames"])
     assert row["cause_stated"] == pytest.approx(100.0 * counts["cause_stated"])

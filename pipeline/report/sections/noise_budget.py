@@ -13,16 +13,19 @@ from pipeline.report.tables import Table
 PAGE = Descriptions("noise_budget")
 BUDGETS = Benchmark("noise_budget", "python benchmarks/noise_budget.py --raw FOLDER", ("results", "raw"))
 TITLE = "Noise budget of a frame"
+RIGHT = "as "
+"""How the names of cases begin in which the camera is as the budget assumes."""
+
 FRACTIONS = ("cause_stated", "cause_first")
 
 
 def departures(record: Mapping[str, Any]) -> Table:
-    """A row per camera and case."""
+    """A row per camera and case, that as the budget assumes first."""
     cases = {**record["results"], "raw": record["raw"]}
     rows = [
         {"sensor": sensor, "case": case, **{name: _cell(name, value) for name, value in counts.items()}}
         for sensor, of_sensor in cases.items()
-        for case, counts in of_sensor.items()
+        for case, counts in sorted(of_sensor.items(), key=lambda item: not item[0].startswith(RIGHT))
     ]
     return PAGE.table("noise_budget", rows)
 
