@@ -5,9 +5,9 @@
 Frames of *Sim* and of the datasets, smoothed slightly to be rid of their own noise, are taken in linear light by the
 cameras of `SENSORS` at `SETTINGS`, equally bright in all, as by the camera that a budget assumes and as by one that
 differs (`CASES`): another gain, twice the readout noise, a hotter sensor, 4 % of fixed pattern, noise of 3 DN behind
-the tone curve. Of each case: the mean ratio of estimated by expected noise, where the budget is known;
-counts of ``more``, ``less``, ``unknown`` and of none of them; and of the departures, how many state the true cause
-among what explains them, and how many as the best.
+the tone curve. Of each case: the mean ratio of estimated by expected noise, where the budget is known; counts of the
+verdicts ``agrees``, ``more``, ``less``, ``undecided`` and ``unknown``; and of ``more`` and ``less``, how many state the
+true cause among what explains them, and how many as the best.
 
 ``raw``: planes of raw frames of a folder SCENE_250ms_*.tif, with the constants of their own sensor
 (``reports/recorded/real-sensor``), whose true gain is 1: assumed right, without the fixed pattern, and with twice the
@@ -41,7 +41,7 @@ from pipeline.camera.exposure import Camera  # noqa: E402
 from pipeline.camera.sensor import named  # noqa: E402
 from pipeline.camera.tone_curve import decode  # noqa: E402
 from pipeline.condition.estimate import noise_of_frame  # noqa: E402
-from pipeline.condition.noise_budget import noise_budget  # noqa: E402
+from pipeline.condition.noise_budget import DEPARTURES, noise_budget  # noqa: E402
 from pipeline.datasets.pictures import read_grey8  # noqa: E402
 from pipeline.datasets.raw_frames import raw_frames  # noqa: E402
 from pipeline.datasets.selection import evenly_spread  # noqa: E402
@@ -140,12 +140,12 @@ def summarised(budgets: Sequence[FrameBudget], cause: str = "") -> dict[str, Any
         budgets: of frames.
         cause: the kind of explanation that is true; empty where nothing differs.
     """
-    counts = Counter(budget.departs or "none" for budget in budgets)
+    counts = Counter(budget.verdict for budget in budgets)
     ratios = [budget.ratio for budget in budgets if np.isfinite(budget.ratio)]
-    departed = [budget for budget in budgets if budget.departs in ("more", "less")]
+    departed = [budget for budget in budgets if budget.verdict in DEPARTURES]
     row: dict[str, Any] = {
         "frames": len(budgets),
-        **{name: counts[name] for name in ("none", "more", "less", "unknown")},
+        **{name: counts[name] for name in ("agrees", "more", "less", "undecided", "unknown")},
         "mean_ratio": round(float(np.mean(ratios)), 3) if ratios else None,
         "ratio_std": round(float(np.std(ratios)), 3) if ratios else None,
     }

@@ -38,12 +38,12 @@ def test_cases_are_equally_bright_and_noisy_as_they_are_called():
 
 
 def test_departures_and_causes_are_counted():
-    agreed = FrameBudget(3.0, 3.0, 1.0, 0.9, 1.1, {"photon": 1.0}, 9, "")
+    agreed = FrameBudget(3.0, 3.0, 1.0, 0.9, 1.1, {"photon": 1.0}, 9, "agrees")
     gain, added = Explanation("gain", 2.0, 0.02), Explanation("added", 2.0, 0.01)
-    more = replace(agreed, ratio=1.5, departs="more", explanations=(added, gain))
-    unknown = replace(agreed, ratio=float("nan"), departs="unknown")
+    more = replace(agreed, ratio=1.5, verdict="more", explanations=(added, gain))
+    unknown = replace(agreed, ratio=float("nan"), verdict="unknown")
     row = noise_budget.summarised([agreed, more, replace(more, explanations=(added,)), unknown], "gain")
-    assert (row["frames"], row["none"], row["more"], row["less"], row["unknown"]) == (4, 1, 2, 0, 1)
+    assert (row["frames"], row["agrees"], row["more"], row["less"], row["unknown"]) == (4, 1, 2, 0, 1)
     assert row["mean_ratio"] == pytest.approx(4.0 / 3.0, abs=1e-3)
     assert row["cause_stated"] == 0.5 and row["cause_first"] == 0.0
     assert "cause_stated" not in noise_budget.summarised([agreed], "gain")
@@ -52,6 +52,6 @@ def test_departures_and_causes_are_counted():
 def test_the_committed_record_has_no_departure_from_a_camera_as_assumed():
     record = json.loads((common.RESULTS / "noise_budget.json").read_text(encoding="utf-8"))
     rights = [cases["as assumed"] for cases in record["results"].values()] + [record["raw"]["as recorded"]]
-    assert all(row["more"] + row["less"] == 0 and row["none"] > row["frames"] / 4 for row in rights)
+    assert all(row["more"] + row["less"] == 0 and row["agrees"] > row["frames"] / 4 for row in rights)
     doubled = [cases["gain x 2"] for cases in record["results"].values()]
     assert all(row["more"] >= 0.9 * row["frames"] and row["cause_stated"] >= 0.7 for row in doubled)

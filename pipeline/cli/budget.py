@@ -106,7 +106,7 @@ def command(
     pattern = pattern if prnu_percent is None else prnu_percent / 100.0
     camera = Camera(model, gamma=gamma, temperature_k=kelvin, adc_bits=bits)
     files, estimator = expand(paths), noise.create(noise.DEFAULT)
-    hinted, set_aside, departures = Counter[int](), SetAside(), list[str]()
+    hinted, set_aside, verdicts = Counter[int](), SetAside(), list[str]()
     for path in files:
         try:
             exposure_s, known_iso = needed_settings(path, exposure, iso)
@@ -124,10 +124,10 @@ def command(
             except InputError as error:
                 set_aside.add(name, error)
                 continue
-            departures.append(budget.departs)
+            verdicts.append(budget.verdict)
             click.echo(json.dumps({"picture": name, "exposure_ms": 1e3 * exposure_s, "gain": gain, **row(budget)}))
-    if alarm_frames is not None and longest_run(departures) >= alarm_frames:
-        click.echo(f"alarm: noise departs from the sensor in {longest_run(departures)} frames in a row", err=True)
+    if alarm_frames is not None and longest_run(verdicts) >= alarm_frames:
+        click.echo(f"alarm: noise departs from the sensor in {longest_run(verdicts)} frames in a row", err=True)
         raise SystemExit(ALARM)
     set_aside.refuse()
 
@@ -145,36 +145,37 @@ def row(budget: FrameBudget) -> dict[str, Any]:
     rounded = {name: float(f"{value:.4g}") if math.isfinite(value) else None for name, value in numbers.items()}
     explanations = [{"kind": item.kind, "amount": float(f"{item.amount:.3g}")} for item in budget.explanations]
     return {
-        **rounded, "tiles": budget.tiles, "departs": budget.departs, "explanations": explanations,
+        **rounded, "tiles": budget.tiles, "verdict": budget.verdict, "explanations": explanations,
         "words": words(budget),
     }  # fmt: skip
 
 
 def words(budget: FrameBudget) -> str:
     """A budget in one or two sentences."""
-    if budget.departs == "unknown":
+    if budget.verdict == "unknown":
         return f"Not compared with the sensor: {budget.reason}."
     share = budget.shares[budget.dominant]
-    source = NAMES[budget.dominant]
     level = f"{budget.sigma_dn:.1f} DN, {budget.expected_dn:.1f} expected"
-    if not budget.departs:
+    if budget.verdict == "agrees":
         condition = f"As the sensor explains ({level})."
+    elif budget.verdict == "undecided":
+        ends = f"{budget.ratio_low * budget.expected_dn:.1f} to {budget.ratio_high * budget.expected_dn:.1f} DN"
+        condition = f"Undecided: the noise is too uncertain to be compared with the sensor ({level}, interval {ends})."
     else:
         changes = " or ".join(_change(item) for item in budget.explanations)
-        condition = f"{budget.departs.capitalize()} noise than the sensor explains ({level}): as if {changes}."
-    return f"{condition} {source.capitalize()} is {share:.0%} of the expected variance: {REMEDIES[budget.dominant]}."
+        cause = f"as if {changes}" if changes else "no single change explains it; it may have been denoised"
+        condition = f"{budget.verdict.capitalize()} noise than the sensor explains ({level}): {cause}."
+    source = NAMES[budget.dominant].capitalize()
+    return f"{condition} {source} is {share:.0%} of the expected variance: {REMEDIES[budget.dominant]}."
 
 
 def _change(explanation: Explanation) -> str:
     return CHANGES[explanation.kind].format(explanation.amount)
 
 
-def longest_run(departures: list[str]) -> int:
-    """Most frames in a row that depart to the same side; frames that are not known are passed over."""
-    longest, length, side = 0, 0, ""
-    for departs in departures:
-        if departs == "unknown":
-            continue
-        length = length + 1 if departs and departs == side else int(bool(departs))
-        longest, side = max(longest, length), departs
-    return longest
+def longest_run(verdicts: list[str]) -> int:
+    """Most frames in a row that depart to the same side; undecided and unknown ones are passed over."""
+    from itertools import groupby
+
+    decided = [verdict for verdict in verdicts if verdict not in ("undecided", "unknown")]
+    return max((len(list(run)) for verdict, run in groupby(decided) if verdict != "agrees"), default=0)

@@ -40,6 +40,7 @@ from pipeline.statistics import inliers
 Floats = NDArray[np.float64]
 
 SOURCES = ("photon", "dark", "readout", "pattern", "rounding")
+DEPARTURES = ("more", "less")
 LEAST_RATIO, LEAST_DN = 0.15, 0.5
 """How far noise must be from what is expected to depart from it, as a fraction and in DN."""
 
@@ -48,6 +49,7 @@ PROCESSED_CORRELATION = 0.25
 
 SMOOTHING_PX = 9  # side of the box whose mean stands for the grey level without noise
 _CLIPPED_SIGMAS = 2.5  # distance from black and white in standard deviations below which noise is clipped
+_LEAST_SIGMA_DN = 0.05  # for the logarithm
 _LEAST_READABLE = 0.5  # fraction of a tile's pixels
 _FITS_AS_WELL = (1.5, 0.01)  # times the least misfit, and beside that
 _FACTORS = np.geomspace(0.05, 20.0, 241)  # 2.5 % apart
@@ -82,9 +84,10 @@ class FrameBudget:
         ratio_low, ratio_high: ends of its interval, by those of the estimates.
         shares: source of `SOURCES` -> its fraction of the expected variance.
         tiles: how many count.
-        departs: ``more`` or ``less`` noise than the sensor explains, empty where it agrees, ``unknown``.
+        verdict: ``agrees``; ``more`` or ``less`` noise than the sensor explains; ``undecided``, the estimate is far
+            from what is expected, but its interval holds that; ``unknown``, they cannot be compared.
         reason: why it is unknown; else empty.
-        explanations: of a departure, those that fit about as well as the best, best first.
+        explanations: of ``more`` and ``less``, those that fit about as well as the best, best first.
     """
 
     sigma_dn: float
@@ -94,7 +97,7 @@ class FrameBudget:
     ratio_high: float
     shares: Mapping[str, float]
     tiles: int
-    departs: str
+    verdict: str
     reason: str = ""
     explanations: tuple[Explanation, ...] = ()
 
@@ -151,7 +154,7 @@ def noise_budget(
     expected, variance, pattern = expected[counts], variance[counts], pattern[counts]
     ends = (noise.estimate.sigma_dn, noise.estimate.low_dn, noise.estimate.high_dn)
     sigma, low, high = (np.asarray(end, dtype=np.float64)[counts] for end in ends)
-    departs = _departs(sigma, low, high, variance)
+    verdict = _verdict(sigma, low, high, variance)
     total = variance.sum(axis=0)
     return FrameBudget(
         sigma_dn=float(np.median(sigma)),
@@ -161,8 +164,8 @@ def noise_budget(
         ratio_high=float(np.median(high / expected)),
         shares={name: float(share) for name, share in zip(SOURCES, total / total.sum(), strict=True)},
         tiles=len(expected),
-        departs=departs,
-        explanations=explained(sigma, variance, pattern, departs) if departs else (),
+        verdict=verdict,
+        explanations=explained(sigma, variance, pattern, verdict) if verdict in DEPARTURES else (),
     )
 
 
@@ -172,18 +175,18 @@ def _most_common(reasons: NDArray[np.object_]) -> str:
     return f" (most tiles that abstain are {counted.most_common(1)[0][0]})" if counted else ""
 
 
-def _departs(sigma: Floats, low: Floats, high: Floats, variance: Floats) -> str:
-    """``more`` noise than with all of the fixed pattern, ``less`` than without any, or empty.
+def _verdict(sigma: Floats, low: Floats, high: Floats, variance: Floats) -> str:
+    """``more`` noise than with all of the fixed pattern, ``less`` than without any, ``undecided``, or ``agrees``.
 
     A record of a sensor holds the grain of its target as fixed pattern, and cameras correct some of it.
     """
     most = np.sqrt(variance.sum(axis=1))
-    if np.median(low / most) > 1.0 and _is_far(np.median(sigma / most) - 1.0, most):
-        return "more"
+    if _is_far(np.median(sigma / most) - 1.0, most):
+        return "more" if np.median(low / most) > 1.0 else "undecided"
     least = np.sqrt(np.delete(variance, SOURCES.index("pattern"), axis=1).sum(axis=1))
-    if np.median(high / least) < 1.0 and _is_far(1.0 - np.median(sigma / least), least):
-        return "less"
-    return ""
+    if _is_far(1.0 - np.median(sigma / least), least):
+        return "less" if np.median(high / least) < 1.0 else "undecided"
+    return "agrees"
 
 
 def _is_far(excess: float, expected: Floats) -> bool:
@@ -255,33 +258,36 @@ def tile_means(
     return result
 
 
-def explained(sigma_dn: Floats, variances: Floats, pattern: Floats, departs: str) -> tuple[Explanation, ...]:
+def explained(sigma_dn: Floats, variances: Floats, pattern: Floats, verdict: str) -> tuple[Explanation, ...]:
     """Single changes of the model that explain the noise of tiles, best first.
 
     Args:
         sigma_dn: (N,) estimated noise, DN.
         variances: (N, 5) expected, in the tiles.
         pattern: (N,) variance of fixed pattern that is as strong as the light, DN squared.
-        departs: ``more``; or ``less``, which counts without fixed pattern and is not explained by noise that was added.
+        verdict: ``more``; or ``less``, which counts without fixed pattern and is not explained by noise that was added.
 
     Returns:
-        those whose misfit, the mean absolute difference of log sigma, is at most 1.5 times the least, and .01.
+        those whose misfit, the mean absolute difference of log sigma, is at most 1.5 times the least, and .01; not
+        those at the end of the range tried, as of a picture that was denoised.
     """
     photon, dark, readout, expected_pattern, rounding = variances.T
-    constant, rest = dark + readout, rounding + (expected_pattern if departs == "more" else 0.0)
+    constant, rest = dark + readout, rounding + (expected_pattern if verdict == "more" else 0.0)
     models: dict[str, tuple[Floats, Callable[[Floats], Floats]]] = {
         "gain": (_FACTORS, lambda x: x * photon + x**2 * constant + rest),
         "dark or readout": (_FACTORS, lambda x: photon + x**2 * constant + rest),
     }
-    if departs == "more":
+    if verdict == "more":
         models["pattern"] = (_PATTERNS, lambda x: photon + constant + rounding + x**2 * pattern)
         models["added"] = (_ADDED_DN, lambda x: photon + constant + rest + x**2)
-    results = []
+    fits: list[tuple[Explanation, bool]] = []
     for kind, (amounts, model) in models.items():
-        misfits = np.abs(0.5 * np.log(model(amounts[:, None])) - np.log(sigma_dn)).mean(axis=1)
+        differences = 0.5 * np.log(model(amounts[:, None])) - np.log(np.maximum(sigma_dn, _LEAST_SIGMA_DN))
+        misfits = np.abs(differences).mean(axis=1)
         best = int(np.argmin(misfits))
-        results.append(Explanation(kind, float(amounts[best]), float(misfits[best])))
-    results.sort(key=lambda explanation: explanation.misfit)
+        is_inside = 0 < best < len(amounts) - 1
+        fits.append((Explanation(kind, float(amounts[best]), float(misfits[best])), is_inside))
+    fits.sort(key=lambda fit: fit[0].misfit)
     times, beside = _FITS_AS_WELL
-    most = times * results[0].misfit + beside
-    return tuple(item for item in results if item.misfit <= most)
+    most = times * fits[0][0].misfit + beside
+    return tuple(item for item, is_inside in fits if is_inside and item.misfit <= most)

@@ -16,7 +16,8 @@ from pipeline.camera import sensor as sensors
 from pipeline.camera.exposure import Camera
 from pipeline.camera.tone_curve import decode
 from pipeline.cli import main
-from pipeline.cli.budget import longest_run
+from pipeline.cli.budget import longest_run, words
+from pipeline.condition.noise_budget import FrameBudget
 from pipeline.streams import stream
 
 RECORD = Path(__file__).resolve().parents[2] / "reports/recorded/real-sensor"
@@ -46,7 +47,7 @@ def test_a_frame_of_its_sensor_is_as_expected(tmp_path: Path):
     done = call(save(tmp_path / "a.png"), *SETTINGS)
     assert done.exit_code == 0, done.output
     (row,) = rows(done)
-    assert row["departs"] == "" and row["ratio"] == pytest.approx(1.0, abs=0.1) and row["gain"] == 8.0
+    assert row["verdict"] == "agrees" and row["ratio"] == pytest.approx(1.0, abs=0.1) and row["gain"] == 8.0
     shares = [row[f"{name}_fraction"] for name in ("photon", "dark", "readout", "pattern", "rounding")]
     assert sum(shares) == pytest.approx(1.0, abs=1e-3) and max(shares) == row["photon_fraction"]
     assert row["words"].startswith("As the sensor explains (") and "Photon noise is" in row["words"]
@@ -57,21 +58,21 @@ def test_frames_in_a_row_that_depart_are_an_alarm(tmp_path: Path):
         save(tmp_path / f"{number}.png", 16.0, number)
     done = call(tmp_path, *SETTINGS, "--alarm-frames", 3)
     assert done.exit_code == 3 and "alarm: noise departs from the sensor in 3 frames in a row" in done.stderr
-    assert [row["departs"] for row in rows(done)] == ["more"] * 3
+    assert [row["verdict"] for row in rows(done)] == ["more"] * 3
     assert "the gain were 2 times that assumed" in rows(done)[0]["words"]
     assert call(tmp_path, *SETTINGS, "--alarm-frames", 4).exit_code == 0
     assert call(tmp_path, *SETTINGS[:-1], 1600, "--alarm-frames", 1).exit_code == 0
 
 
 def test_runs_pass_over_frames_that_are_not_known():
-    assert longest_run([]) == 0 == longest_run(["", "unknown"])
-    assert longest_run(["more", "unknown", "more", "less", "less", "less", "", "less"]) == 3
+    assert longest_run([]) == 0 == longest_run(["agrees", "unknown", "undecided"])
+    assert longest_run(["more", "unknown", "more", "less", "less", "undecided", "less", "agrees", "less"]) == 3
 
 
 def test_linear_pictures_of_a_hot_sensor(tmp_path: Path):
     file = save(tmp_path / "a.png", gamma=1.0, temperature_k=373.15)
     cold, hot = (rows(call(file, *SETTINGS, "--gamma", 1, *more))[0] for more in ([], ["--temperature", 100]))
-    assert hot["departs"] == "" and hot["ratio"] == pytest.approx(1.0, abs=0.1)
+    assert hot["verdict"] == "agrees" and hot["ratio"] == pytest.approx(1.0, abs=0.1)
     assert hot["dark_fraction"] > 5 * cold["dark_fraction"] > 0 and hot["expected_dn"] > cold["expected_dn"]
 
 
@@ -86,10 +87,21 @@ def test_a_recorded_sensor_brings_its_pattern_and_its_temperature(tmp_path: Path
 def test_what_is_unknown_is_null_and_says_why(tmp_path: Path):
     assert cv2.imwrite(str(tmp_path / "black.png"), np.zeros((256, 256), np.uint8))
     (row,) = rows(call(tmp_path / "black.png", *SETTINGS))
-    assert row["departs"] == "unknown" and row["ratio"] is None and row["photon_fraction"] is None
+    assert row["verdict"] == "unknown" and row["ratio"] is None and row["photon_fraction"] is None
     assert row["words"].startswith("Not compared with the sensor: noise has no estimate")
 
 
 def test_settings_below_the_base_gain_set_a_file_aside(tmp_path: Path):
     done = call(save(tmp_path / "a.png"), *SETTINGS, "--base-iso", 1600)
     assert done.exit_code == 2 and f"set aside: {tmp_path / 'a.png'}: gain is a factor of at least 1" in done.stderr
+
+
+def test_words_of_an_uncertain_and_of_a_denoised_picture() -> None:
+    budget = FrameBudget(0.0, 3.0, 0.0, 0.0, 4.0, {"photon": 1.0}, 9, "undecided")
+    assert "too uncertain to be compared with the sensor (0.0 DN, 3.0 expected, interval 0.0 to 12.0 DN)" in words(
+        budget
+    )
+    denoised = words(replace(budget, ratio_high=0.1, verdict="less"))
+    assert denoised.startswith(
+        "Less noise than the sensor explains (0.0 DN, 3.0 expected): no single change explains it"
+    )

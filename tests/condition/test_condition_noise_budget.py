@@ -74,27 +74,27 @@ def test_levels_follow_photon_transfer():
 
 def test_a_frame_of_the_sensor_agrees_with_it_and_names_its_sources():
     result = budget(taken())
-    assert result.departs == "" and result.explanations == () and result.tiles >= 10
+    assert result.verdict == "agrees" and result.explanations == () and result.tiles >= 10
     assert result.ratio == pytest.approx(1.0, abs=0.06) and result.ratio_low < 1.0 < result.ratio_high
     assert result.dominant == "photon" and sum(result.shares.values()) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize(("factor", "departs"), [(2.0, "more"), (0.5, "less")])
-def test_a_gain_unlike_that_assumed_is_told(factor: float, departs: str):
+@pytest.mark.parametrize(("factor", "verdict"), [(2.0, "more"), (0.5, "less")])
+def test_a_gain_unlike_that_assumed_is_told(factor: float, verdict: str):
     result = budget(taken(GAIN * factor))
-    assert result.departs == departs and amount(result, "gain") == pytest.approx(factor, rel=0.1)
+    assert result.verdict == verdict and amount(result, "gain") == pytest.approx(factor, rel=0.1)
 
 
 def test_noise_added_behind_the_tone_curve_is_told():
     result = budget(taken(added_dn=4.0))
-    assert result.departs == "more" and result.explanations[0].kind == "added"
+    assert result.verdict == "more" and result.explanations[0].kind == "added"
     assert amount(result, "added") == pytest.approx(4.0, rel=0.1)
 
 
 def test_readout_noise_stronger_than_that_of_the_sensor_is_told():
     noisy = replace(CAMERA, sensor=replace(CAMERA.sensor, read_noise_e=25.0))
     result = budget(taken(camera=noisy))
-    assert result.departs == "more" and result.explanations[0].kind == "dark or readout"
+    assert result.verdict == "more" and result.explanations[0].kind == "dark or readout"
     read = np.hypot(CAMERA.sensor.read_noise_e or 0.0, CAMERA.sensor.read_noise_after_gain_e / GAIN)
     assert amount(result, "dark or readout") == pytest.approx(25.0 / read, rel=0.15)
 
@@ -102,10 +102,10 @@ def test_readout_noise_stronger_than_that_of_the_sensor_is_told():
 def test_fixed_pattern_is_told_and_expected_where_it_is_known():
     image = taken(pattern=0.1)
     unknown, known = budget(image), budget(image, pattern_fraction=0.1)
-    assert unknown.departs == "more" and unknown.explanations[0].kind == "pattern"
+    assert unknown.verdict == "more" and unknown.explanations[0].kind == "pattern"
     assert amount(unknown, "pattern") == pytest.approx(0.1, rel=0.15)
-    assert known.departs == "" and known.dominant == "pattern" and known.ratio == pytest.approx(1.0, abs=0.1)
-    assert budget(taken(), pattern_fraction=0.05).departs == ""  # a camera may have corrected any part of it
+    assert known.verdict == "agrees" and known.dominant == "pattern" and known.ratio == pytest.approx(1.0, abs=0.1)
+    assert budget(taken(), pattern_fraction=0.05).verdict == "agrees"  # a camera may have corrected any part of it
 
 
 def state(**changes: Any) -> tuple[np.ndarray, NoiseState]:
@@ -116,12 +116,23 @@ def state(**changes: Any) -> tuple[np.ndarray, NoiseState]:
 def test_processed_or_unknown_noise_is_not_compared():
     image, processed = state(correlation=0.5)
     result = noise_budget(image, processed, CAMERA, EXPOSURE_S, GAIN)
-    assert result.departs == "unknown" and "processed" in result.reason and np.isnan(result.ratio)
+    assert result.verdict == "unknown" and "processed" in result.reason and np.isnan(result.ratio)
     black = np.zeros((256, 256), np.float32)
     nothing = noise_budget(black, noise_of_frame(estimator(), black), CAMERA, EXPOSURE_S, GAIN)
-    assert nothing.departs == "unknown" and "no estimate" in nothing.reason and nothing.dominant == ""
+    assert nothing.verdict == "unknown" and "no estimate" in nothing.reason and nothing.dominant == ""
     dark = budget(taken() * np.float32(0.05))  # noise in the deepest shadows is cut off at black
-    assert dark.departs == "unknown" and ("clipped" in dark.reason or "no estimate" in dark.reason)
+    assert dark.verdict == "unknown" and ("clipped" in dark.reason or "no estimate" in dark.reason)
+
+
+def test_an_uncertain_estimate_is_undecided_and_a_denoised_picture_has_no_single_cause():
+    image, known = state()
+    tiles = len(known.estimate)
+    uncertain = replace(known.estimate, sigma_dn=np.zeros(tiles), low_dn=np.zeros(tiles), high_dn=np.full(tiles, 9.0))
+    result = noise_budget(image, replace(known, estimate=uncertain), CAMERA, EXPOSURE_S, GAIN)
+    assert result.verdict == "undecided" and result.explanations == () and result.ratio == 0.0
+    certain = replace(uncertain, high_dn=np.full(tiles, 0.1))
+    result = noise_budget(image, replace(known, estimate=certain), CAMERA, EXPOSURE_S, GAIN)
+    assert result.verdict == "less" and result.explanations == ()
 
 
 def test_what_cannot_be_compared_is_refused():
