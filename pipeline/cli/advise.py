@@ -56,7 +56,7 @@ def command(
     from pipeline.cli.frame_analysis import find_surface, system_mtf
     from pipeline.cli.pictures import expand, least_side_px, readable
     from pipeline.cli.set_aside import SetAside
-    from pipeline.cli.shot_settings import needed_settings, seconds
+    from pipeline.cli.shot_settings import seconds, with_settings
     from pipeline.condition import ConditionMonitor
     from pipeline.control.advice import advise
     from pipeline.control.policy import ControlledCamera
@@ -85,12 +85,7 @@ def command(
             click.echo(f"warning: {doubt}", err=True)
     hinted, set_aside = Counter[int](), SetAside()
     sharp_px = None if stored is None else stored.size_px
-    for path in files:
-        try:
-            exposure_s, known_iso = needed_settings(path, exposure, iso)
-        except InputError as error:
-            set_aside.add(str(path), error)
-            continue
+    for path, exposure_s, known_iso in with_settings(files, exposure, iso, set_aside):
         state = CameraState(exposure_s, known_iso / BASE_ISO)
         for name, image, problem, coding in readable([path], 1, hinted, least_side_px(monitor.noise_estimator)):
             try:

@@ -87,7 +87,7 @@ def command(
     from pipeline.camera.exposure import Camera
     from pipeline.cli.pictures import expand, least_side_px, readable
     from pipeline.cli.set_aside import SetAside
-    from pipeline.cli.shot_settings import needed_settings, seconds
+    from pipeline.cli.shot_settings import seconds, with_settings
     from pipeline.condition.estimate import noise_of_frame
     from pipeline.condition.noise_budget import noise_budget
     from pipeline.executor import one_thread
@@ -107,12 +107,7 @@ def command(
     camera = Camera(model, gamma=gamma, temperature_k=kelvin, adc_bits=bits)
     files, estimator = expand(paths), noise.create(noise.DEFAULT)
     hinted, set_aside, verdicts = Counter[int](), SetAside(), list[str]()
-    for path in files:
-        try:
-            exposure_s, known_iso = needed_settings(path, exposure, iso)
-        except InputError as error:
-            set_aside.add(str(path), error)
-            continue
+    for path, exposure_s, known_iso in with_settings(files, exposure, iso, set_aside):
         gain = known_iso / base_iso
         for name, image, problem, coding in readable([path], 1, hinted, least_side_px(estimator)):
             try:

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pipeline.errors import DECODER_ERRORS, InputError, printable
+
+if TYPE_CHECKING:
+    from pipeline.cli.set_aside import SetAside
 
 _TIME = re.compile(r"^(?P<number>[0-9.]+(?:/[0-9.]+)?)\s*(?P<unit>us|ms|s)$")
 _PER_SECOND = {"us": 1e6, "ms": 1e3, "s": 1.0}
@@ -66,20 +70,28 @@ def shot_settings(path: Path, exposure: str | None, iso: float | None) -> tuple[
     return exposure_s, iso
 
 
-def needed_settings(path: Path, exposure: str | None, iso: float | None) -> tuple[float, float]:
-    """Exposure time in seconds and ISO of a picture, as `shot_settings` has them.
+def with_settings(
+    files: Iterable[Path], exposure: str | None, iso: float | None, set_aside: SetAside
+) -> Iterator[tuple[Path, float, float]]:
+    """Pictures with their exposure time in seconds and ISO, as `shot_settings` has them.
 
-    Raises:
-        InputError: one of them is neither given nor in the file's EXIF data; names the option.
+    Args:
+        files: pictures.
+        exposure: see `shot_settings`.
+        iso: see there.
+        set_aside: names those of which one is neither given nor in the EXIF data, which are left out.
     """
-    time_s, known_iso = shot_settings(path, exposure, iso)
-    if time_s is None or known_iso is None:
-        missing = {"exposure time": "--exposure"} if time_s is None else {}
-        missing |= {"ISO": "--iso"} if known_iso is None else {}
-        names, options = " and ".join(missing), " and ".join(missing.values())
-        verb = "is" if len(missing) == 1 else "are"
-        raise InputError(f"{printable(path)}: its {names} {verb} in no EXIF data; give {options}")
-    return time_s, known_iso
+    for path in files:
+        time_s, known_iso = shot_settings(path, exposure, iso)
+        if time_s is None or known_iso is None:
+            missing = {"exposure time": "--exposure"} if time_s is None else {}
+            missing |= {"ISO": "--iso"} if known_iso is None else {}
+            names, options = " and ".join(missing), " and ".join(missing.values())
+            verb = "is" if len(missing) == 1 else "are"
+            reason = f"{printable(path)}: its {names} {verb} in no EXIF data; give {options}"
+            set_aside.add(str(path), InputError(reason))
+        else:
+            yield path, time_s, known_iso
 
 
 def exif(path: Path) -> tuple[float | None, float | None]:
