@@ -15,6 +15,7 @@ import pytest
 from data_makers import picture
 from PIL import Image
 
+from pipeline.camera.processing.codec import X264
 from pipeline.datasets import video
 from pipeline.datasets.video import BadVideo, read_video
 from pipeline.datasets.video_decoder import CURVE, TURNED, grey_frame, grey_levels
@@ -35,6 +36,7 @@ def coded(path: Path, codec: str, pixels: str = "yuv420p", frames: int = 6, rate
     with av.open(str(path), "w") as container:
         stream = container.add_stream(codec, rate=rate, options=options)
         stream.width, stream.height, stream.pix_fmt = 320, 240, pixels
+        stream.thread_count = 1  # more share a picture among them: other bytes by the number of cores
         for number in range(frames):
             shifted = np.roll(picture("film", 320, 240), 3 * number, axis=1)
             frame = av.VideoFrame.from_ndarray(shifted, format="gray").reformat(format=pixels)
@@ -350,7 +352,7 @@ def test_av1_is_read(tmp_path):
 
 
 def test_frames_that_the_decoder_marks_as_damaged_are_not_measured(tmp_path):
-    path = coded(tmp_path / "a.mp4", "libx264", frames=12, g="12", crf="10")
+    path = coded(tmp_path / "a.mp4", "libx264", frames=12, g="12", crf="10", **X264)
     content = bytearray(path.read_bytes())
     middle = content.index(b"mdat") + (len(content) - content.index(b"mdat")) // 2
     content[middle : middle + 3000] = bytes(3000)
