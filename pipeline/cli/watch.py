@@ -163,9 +163,10 @@ class _Watch:
         for frame in came:
             if frame.image is not None:
                 self._frame(frame)
-                last = time.monotonic()
             elif frame.problem:
                 self._problem(frame)
+            if frame.image is not None or (frame.problem and not frame.signal_lost):
+                last = time.monotonic()  # a file that cannot be used has come, too; to find that out takes time
             if most_frames is not None and self.frames >= most_frames:
                 return "frames"
             if idle_stop is not None and time.monotonic() - last > idle_stop:

@@ -346,6 +346,15 @@ def test_a_device_that_has_gone_silent_counts_as_idle(tmp_path):
         clock.cancel()
 
 
+def test_files_that_cannot_be_used_are_not_idle_time(capsys, monkeypatch):
+    """Each takes a second here; it stopped as idle among them, and later pictures were never read."""
+    loop, nothing = _Watch("folder", SimpleNamespace(), 5), [SourceFrame("folder", None)] * 9
+    monkeypatch.setattr("pipeline.cli.watch.time.monotonic", iter(range(99)).__next__)
+    loop._frame = lambda frame: setattr(loop, "frames", 1)
+    came = [*(SourceFrame(name, None, "truncated") for name in "abc"), SourceFrame("d", np.ones((9, 9)))]
+    assert loop.run(iter(came + nothing), None, 2.5) == "idle" and (loop.set_aside, loop.frames) == (3, 1)
+
+
 def coded(path, frames=5, interlaced=False, curve=None):
     """The panning scene by FFmpeg's encoder of H.264."""
     with av.open(str(path), "w") as container:
