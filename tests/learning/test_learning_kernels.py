@@ -17,9 +17,15 @@ def test_every_kernel_is_a_blur(seed):
     kernel = kernels.draw(stream(seed, "test"))
     assert kernel.shape == (kernels.CANVAS_PX, kernels.CANVAS_PX) and kernel.dtype == np.float32
     assert kernel.min() >= 0 and abs(float(kernel.sum()) - 1) < 1e-5
-    assert np.abs(centroid_px(kernel)).max() < 1.5
-    curves = mtf.sample(kernel)
-    assert (curves <= 1 + 1e-6).all() and (curves[:, 0] > 0.05).all()
+    assert (mtf.sample(kernel) <= 1 + 1e-6).all()
+
+
+def test_nearly_all_kernels_are_centred_and_let_low_frequencies_pass():
+    """Not all: light of a stop that is cut at a greatest value no longer counts for the middle (up to 3 px off)."""
+    drawn = kernels.block(0, 7, count=1000)
+    off_px = [np.abs(centroid_px(kernel)).max() for kernel in drawn]
+    assert np.quantile(off_px, 0.98) < 1
+    assert np.quantile([mtf.sample(kernel)[:, 0] for kernel in drawn], 0.01) > 0.3
 
 
 def test_an_unknown_distribution_is_refused():
