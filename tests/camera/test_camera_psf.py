@@ -125,11 +125,12 @@ def test_straight_motion_along_an_axis_is_a_row_of_equal_weights() -> None:
 def test_straight_motion_has_its_direction_and_length(length_px: float, angle_deg: float) -> None:
     values, vectors = np.linalg.eigh(covariance(linear_motion.segment(length_px, angle_deg)))
     # Long axis: L^2 / 12 of the line, short axis 1 / 12 of its width; the pixels add up to 1 / 6, and take 1 / 12
-    # where edges coincide (equal weights on L pixels have a variance of (L^2 - 1) / 12).
-    assert values[1] == pytest.approx(length_px**2 / 12, abs=0.18)
+    # where edges coincide (equal weights on L pixels have a variance of (L^2 - 1) / 12). Nearly along an axis two end
+    # pixels of a long line may add up to 0.22.
+    assert values[1] == pytest.approx(length_px**2 / 12, abs=0.25)
     assert values[0] == pytest.approx(1 / 12, abs=0.12)
     result = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1]))
-    drawn_off = np.degrees(0.04 / (values[1] - values[0]))  # pixels turn the axes of short lines by their own moments
+    drawn_off = np.degrees(0.05 / (values[1] - values[0]))  # pixels turn the axes of short lines by their own moments
     assert abs((result - angle_deg + 90) % 180 - 90) < max(0.6, drawn_off)
 
 

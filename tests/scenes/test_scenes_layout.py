@@ -31,7 +31,8 @@ def test_a_road_without_curvature_is_the_x_axis():
 def test_locate_inverts_at(s, d):
     x, y, _ = BEND.at(s, d)
     back_s, back_d = BEND.locate(x, y)
-    assert back_s[0] == pytest.approx(s, abs=0.1)  # courses are steps of half a metre
+    # Courses are steps of half a metre: beside a bend the nearest one is off by up to 0.36 m x curvature x d.
+    assert back_s[0] == pytest.approx(s, abs=0.15)
     assert back_d[0] == pytest.approx(d, abs=0.02)
 
 
