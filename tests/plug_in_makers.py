@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pipeline import detection
 from pipeline.detection.base import Detections, each_image
 
 SPOTS = """
@@ -42,7 +44,7 @@ def plug_in(folder: Path, monkeypatch: pytest.MonkeyPatch, module: str, text: st
     Args:
         folder: that goes onto the import path.
         monkeypatch: of the test.
-        module: its name, which no other test may use.
+        module: its name; one that an earlier test has imported under it is forgotten.
         text: its source.
         points: registry (``noise``) -> ``"name = module:Class"``.
 
@@ -55,5 +57,7 @@ def plug_in(folder: Path, monkeypatch: pytest.MonkeyPatch, module: str, text: st
     info.mkdir()
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text("".join(f"[pipeline.{group}]\n{line}\n" for group, line in points.items()))
+    sys.modules.pop(module, None)
+    detection.opened.cache_clear()  # an earlier test's detector of the same name is kept open
     monkeypatch.syspath_prepend(folder)
     return path
