@@ -54,9 +54,11 @@ def kept(
             return _mapped(path)
         except (OSError, EOFError, ValueError) as error:  # truncated, as by a full disk
             print(f"warning: {path}: damaged ({' '.join(str(error).split())}); drawn anew", file=sys.stderr)
-    drawn = draw()
-    with replacing(path) as temporary:
-        np.save(temporary, drawn, allow_pickle=False)
+    drawn = np.ascontiguousarray(draw())
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        # as `np.save`, whose error of a full disk has neither a number nor a name
+        np.lib.format.write_array_header_1_0(file, np.lib.format.header_data_from_array_1_0(drawn))
+        file.write(drawn.data)
     _remove_superseded(path)
     return _mapped(path)
 

@@ -301,7 +301,10 @@ def _keep(path: Path, state: _State, schedule: Schedule) -> None:
 
 
 def _restore(path: Path, state: _State, schedule: Schedule) -> None:
-    tensors, header = weights.load(path, ARCHITECTURE)
+    try:
+        tensors, header = weights.load(path, ARCHITECTURE)
+    except InputError as error:  # its remedies are for weights, which are restored or trained
+        raise InputError(f"{str(error).rpartition('; ')[0]}; delete its folder to begin anew") from None
     if not _continues(header["schedule"], schedule, header["step"]):
         raise InputError(f"{path}: belongs to a training with another schedule; delete its folder to begin anew")
 

@@ -73,8 +73,9 @@ def save(path: str | Path, tensors: Mapping[str, torch.Tensor], architecture: st
 
     Raises:
         InputError: values that `load` refuses; a file that is there stays.
+        OSError: the system refuses to write, for example because the disk is full; a file that is there stays.
     """
-    from safetensors.torch import save_file
+    from safetensors.torch import save as encoded
 
     from pipeline.store import replacing
 
@@ -84,7 +85,7 @@ def save(path: str | Path, tensors: Mapping[str, torch.Tensor], architecture: st
     written = {"architecture": architecture, "tensors_sha256": tensors_sha256(content), **details}
     header = json.dumps(written, sort_keys=True)
     with replacing(path) as temporary:
-        save_file(content, temporary, {"pipeline": header})
+        temporary.write_bytes(encoded(content, {"pipeline": header}))  # its own writer's errors name no file
 
 
 def tensors_sha256(tensors: Mapping[str, torch.Tensor]) -> str:

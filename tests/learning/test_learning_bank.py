@@ -1,5 +1,8 @@
 """Banks: drawn once, kept under the name of all they depend on, mapped from there."""
 
+import errno
+import resource
+
 import numpy as np
 import pytest
 
@@ -34,6 +37,26 @@ def test_a_truncated_file_is_named_and_drawn_anew(tmp_path, capsys, left):
     assert path.read_bytes() == whole
     kept(tmp_path, "some things", 4, 2, CODE, lambda: pytest.fail("drawn anew"))
     assert not capsys.readouterr().err
+
+
+def test_it_is_the_file_that_numpy_writes(tmp_path):
+    drawn = np.arange(12, dtype=np.float16).reshape(3, 4).T
+    np.save(tmp_path / "numpy.npy", np.ascontiguousarray(drawn))
+    kept(tmp_path, "some things", 4, 2, CODE, lambda: drawn)
+    written = bank_file(tmp_path, "some things", 4, 2, CODE).read_bytes()
+    assert written == (tmp_path / "numpy.npy").read_bytes()
+
+
+def test_an_error_of_a_full_disk_names_the_file_and_leaves_none(tmp_path):
+    path, limits = bank_file(tmp_path, "some things", 4, 2, CODE), resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+    try:
+        with pytest.raises(OSError, match="File too large") as caught:
+            kept(tmp_path, "some things", 4, 2, CODE, lambda: np.zeros(5000))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert (caught.value.errno, caught.value.filename) == (errno.EFBIG, str(path))
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("other", [("others", 4, 2), ("some things", 5, 2), ("some things", 4, 3)])

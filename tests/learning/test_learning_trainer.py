@@ -276,9 +276,12 @@ def test_checkpoints_of_another_training_are_refused(tmp_path):
     with pytest.raises(InputError, match="another network"):
         train(torch.nn.Linear(4, 1), loss, loader(), SCHEDULE, folder=tmp_path)
     path = tmp_path / CHECKPOINT
-    path.write_bytes(path.read_bytes()[:-40])
-    with pytest.raises(InputError, match="safetensors"):
-        run(folder=tmp_path)
+    whole = path.read_bytes()
+    changed = whole[:-1] + bytes([whole[-1] ^ 1])
+    for content in (b"", whole[:-40], changed):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=r"safetensors: [^;]*; delete its folder to begin anew$"):
+            run(folder=tmp_path)
 
 
 def test_the_rate_warms_up_holds_and_falls():

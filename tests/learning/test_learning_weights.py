@@ -1,6 +1,8 @@
 """Weight files: what was saved comes back; anything else is refused in one line."""
 
+import errno
 import json
+import resource
 from pathlib import Path
 
 import numpy as np
@@ -86,6 +88,18 @@ def test_absurd_values_are_not_written(path, value):
     with pytest.raises(InputError, match=r"net\.safetensors: tensor 'bias' holds values .*not written"):
         weights.save(path, tensors, "net-1")
     assert path.read_bytes() == before
+
+
+def test_an_error_of_a_full_disk_names_the_file_and_leaves_the_one_before(path):
+    before, limits = path.read_bytes(), resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+    try:
+        with pytest.raises(OSError, match="File too large") as caught:
+            weights.save(path, torch.nn.Linear(30, 20).state_dict(), "net-1")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert (caught.value.errno, caught.value.filename) == (errno.EFBIG, str(path))
+    assert path.read_bytes() == before and list(path.parent.iterdir()) == [path]
 
 
 def test_squared_gradients_of_a_checkpoint_may_be_large_but_not_infinite(tmp_path):
