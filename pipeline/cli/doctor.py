@@ -87,7 +87,7 @@ def weight_files() -> list[dict[str, Any]]:
 
     folder = located("data/weights/mtf_spectral.safetensors").parent
     rows = []
-    for path in sorted(folder.glob("*.safetensors")):
+    for path in sorted(folder.glob("[!.]*.safetensors")):
         row: dict[str, Any] = {"file": path.name, "architecture": "", "released": False, "sha256": "", "problem": ""}
         try:
             header = header_of(path)

@@ -120,7 +120,7 @@ def folders_with(recorded: Path | None, file: str, keys: Set[str] = KEYS) -> dic
     """
     location = existing(recorded)
     known: dict[str, Path] = {}
-    for path in sorted(location.glob(f"*/{file}")) if location is not None else []:
+    for path in sorted(location.glob(f"[!.]*/{file}")) if location is not None else []:
         dataset = str(provenance_of(path.parent, keys)["dataset"])
         if dataset in known:
             raise InputError(f"{known[dataset]} and {path.parent}: both hold {file} of '{dataset}'; keep one")

@@ -88,7 +88,7 @@ def read(folder: Path | None) -> list[LearningCurve]:
     location = existing(folder)
     if location is None:
         return []
-    names = [path.stem for path in sorted(location.glob("*.csv"))]
+    names = [path.stem for path in sorted(location.glob("[!.]*.csv"))]
 
     def rank(name: str) -> tuple[int, str]:
         task = name.partition("_")[0]

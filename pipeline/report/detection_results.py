@@ -136,7 +136,7 @@ def recorded(inputs: ReportInputs) -> list[Recorded]:
     """Every recorded sweep, by the name of its folder."""
     folder = existing(inputs.recorded)
     records = []
-    for path in sorted(folder.glob("*/precision.csv")) if folder is not None else []:
+    for path in sorted(folder.glob("[!.]*/precision.csv")) if folder is not None else []:
         about = read_json(path.parent / "provenance.json")
         table, isolated = (any_table(path.parent / f"{name}.csv") for name in ("precision", "iopc"))
         heat = optional(path.parent, "iopc_heat.csv")  # absent where there was too little for a surface

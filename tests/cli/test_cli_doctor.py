@@ -46,10 +46,12 @@ def test_doctor_names_damaged_weights(tmp_path, monkeypatch):
     released = located("data/weights/sigma_cellwise.safetensors").read_bytes()
     (tmp_path / "a.safetensors").write_bytes(released)
     (tmp_path / "b.safetensors").write_bytes(released[:2000])
+    (tmp_path / ".writing-a.safetensors").touch()  # a training that was killed
     monkeypatch.setattr("pipeline.project_files.located", lambda path: tmp_path / Path(path).name)
     done = call("doctor")
     assert done.exit_code == 2
     assert "problem: b.safetensors" in done.output and "not ready" in done.output
+    assert ".writing-" not in done.output
     assert any(line.split()[:2] == ["a.safetensors", "released"] for line in done.output.splitlines())
 
 

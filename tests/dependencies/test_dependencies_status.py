@@ -62,6 +62,14 @@ def test_status_names_the_stages_that_can_execute_an_edited_module(project, edit
     assert {line.rstrip(":") for line in status.splitlines() if line.endswith(":") and line[0] != "\t"} == named
 
 
+def test_what_a_killed_run_left_changes_no_dependency(tmp_path):
+    """Stages depend on whole folders, as `report` does on ``data/noise`` and ``reports/recorded``."""
+    shutil.copy(ROOT / ".dvcignore", tmp_path)
+    dvc(tmp_path, "init", "--no-scm", "-q")
+    left = ["data/noise/.writing-a/maps.npz", "data/.replaced-psf-a/psf/bank.npz", "data/weights/.writing-a.csv"]
+    assert dvc(tmp_path, "check-ignore", *left, "data/noise/sim-pca/maps.npz").split() == left
+
+
 @pytest.mark.parametrize(("arguments", "status", "words"), [(["--help"], 0, "--write"), ([], 2, "required")])
 def test_the_command_line_describes_itself(arguments, status, words, capsys):
     with pytest.raises(SystemExit) as ended:

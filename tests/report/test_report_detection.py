@@ -181,6 +181,8 @@ def test_a_record_tells_its_surfaces_and_refusals_by_class(inputs: ReportInputs,
     table = pd.read_csv(folder / "precision.csv")
     table.assign(label=table["label"].replace("car", "traffic light")).to_csv(folder / "precision.csv", index=False)
     store.write_json(folder / "refused.json", {"bus": "too few"})
+    (tmp_path / ".writing-a").mkdir()  # a recording that was killed
+    shutil.copy(folder / "precision.csv", tmp_path / ".writing-a")
     (record,) = detection_results.recorded(dataclasses.replace(inputs, recorded=tmp_path))
     assert set(record.results.surfaces) == {"traffic light", "person"}
     assert record.results.refused == {"bus": "too few"}

@@ -62,6 +62,16 @@ def test_curves_recorded_before_their_change_was_kept_have_none(tmp_path: Path) 
     assert len(read) == len(old) and read[list(CHANGES)].isna().all(axis=None)
 
 
+def test_what_a_killed_recording_left_is_no_record(tmp_path: Path) -> None:
+    """It is beside the records, without the provenance that is written last, or whole and not in its place yet."""
+    tables = {FACTOR_FILES[1]: effects()}
+    put(tmp_path / "udacity-factors", "udacity", tables)
+    put(tmp_path / ".writing-a", "udacity", tables)
+    put(tmp_path / ".writing-b", "kitti", tables)
+    (tmp_path / ".writing-b/provenance.json").unlink()
+    assert frame_records.folders_with(tmp_path, FACTOR_FILES[1]) == {"udacity": tmp_path / "udacity-factors"}
+
+
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> ReportInputs:
     """Records of every experiment on Udacity, of noise on the authors' Sim too, and no stage."""

@@ -49,6 +49,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_curves_are_read_by_what_their_columns_say(folder: Path) -> None:
+    (folder / ".writing-a.csv").touch()  # a training that was killed
     blur, noise, detector = read(folder)
     assert [training.network_title(one) for one in (blur, noise, detector)] == [
         "Blur: CNN",
