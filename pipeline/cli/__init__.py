@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import signal
+import traceback
 from types import FrameType
 from typing import Any
 
@@ -82,6 +83,13 @@ class _Lazy(click.Group):
         except OSError as error:
             file = printable(f"{error.filename}: ") if error.filename else ""
             click.echo(f"error: {file}{error.strerror or error}", err=True)
+            raise SystemExit(2) from None
+        except EOFError as error:  # click takes it for the end of an input, and says "Aborted!"
+            *_, (frame, _) = traceback.walk_tb(error.__traceback__)
+            compiled = frame.f_locals.get("bytecode_path")  # Python keeps modules that a full disk has cut short
+            if compiled is None:
+                raise
+            click.echo(f"error: {printable(compiled)}: cut short, as by a full disk; delete it", err=True)
             raise SystemExit(2) from None
         except KeyboardInterrupt:
             click.echo("interrupted; what was finished is written", err=True)

@@ -1,6 +1,7 @@
 """The command line as people meet it: quick help, one clear line for mistakes, files that are what they say."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -45,6 +46,19 @@ def test_every_command_explains_itself(name):
     done = call(name, "--help")
     assert done.exit_code == 0
     assert len(done.output.splitlines()) > 5
+
+
+def test_a_module_that_python_has_kept_in_part_is_one_line(tmp_path):
+    """As a full disk leaves it; click says "Aborted!" where the end of a file is met."""
+    environment = {**os.environ, "PYTHONPYCACHEPREFIX": str(tmp_path)}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
+    command = [sys.executable, "-m", "pipeline.cli", "doctor", "--help"]
+    subprocess.run(command, capture_output=True, check=True, env=environment)
+    (compiled,) = tmp_path.rglob("cli/doctor.*.pyc")
+    compiled.write_bytes(compiled.read_bytes()[:1024])
+    done = subprocess.run(command, capture_output=True, text=True, env=environment)
+    line = f"error: {compiled}: cut short, as by a full disk; delete it\n"
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", line)
 
 
 def test_a_typo_gets_a_hint():
