@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from numbers import Integral
@@ -194,7 +194,7 @@ class ConditionMonitor:
         """Of ``blur`` and ``noise``: False where the estimator runs on weights that are not the released ones."""
 
     def calibrate(
-        self, sharp_frames: Sequence[NDArray[np.floating]], *, fitted: bool = False, names: Sequence[str] = ()
+        self, sharp_frames: Sequence[NDArray[np.floating]], *, fitted: bool = False, names: Iterable[str] = ()
     ) -> None:
         """Answer from now on with the blur that was *added* to this camera's own sharp frames.
 
@@ -217,9 +217,10 @@ class ConditionMonitor:
         refuse_relative(uncalibrated)
         readable = readable_patches(sharp_frames)
         patches = np.concatenate(readable)
-        if names and len(names) != len(readable):
-            raise InputError(f"sharp frames: {len(names)} names of {len(readable)} frames; give one for each, or none")
-        labels = names or [f"sharp frame {number + 1} of {len(readable)}" for number in range(len(readable))]
+        labels = list(names)
+        if labels and len(labels) != len(readable):
+            raise InputError(f"sharp frames: {len(labels)} names of {len(readable)} frames; give one for each, or none")
+        labels = labels or [f"sharp frame {number + 1} of {len(readable)}" for number in range(len(readable))]
         for label, part in zip(labels, readable, strict=True):
             if len(part):
                 _warn_of_blur(label, uncalibrated, self.blur_name, part)

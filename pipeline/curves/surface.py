@@ -172,8 +172,9 @@ class Surface:
             return nan, nan, nan, f"sigma {sigma_dn:g} DN, MTF {mtf:g}: expected finite numbers"
         if sigma_dn < 0 or mtf < 0:
             return nan, nan, nan, f"sigma {sigma_dn:g} DN, MTF {mtf:g}: expected numbers of at least 0"
-        position = np.array([sigma_dn, mtf]) / self._scale
-        weights = self._inside(position)
+        with np.errstate(over="ignore", invalid="ignore"):  # numbers too large to calculate with lie outside
+            position = np.array([sigma_dn, mtf]) / self._scale
+            weights = self._inside(position)
         if weights is None:
             row = int(nearest_bin(sigma_dn, self.cells.sigma_bins_dn))
             column = int(nearest_bin(mtf, self.cells.mtf_bins))
@@ -199,7 +200,7 @@ class Surface:
         two = (self._shares @ (place - self._origin)[:, :, None])[:, :, 0]
         shares = np.concatenate([1.0 - two.sum(axis=1, keepdims=True), two], axis=1)
         best = int(np.argmax(shares.min(axis=1)))
-        if shares[best].min() < -_EDGE_SLACK:
+        if not shares[best].min() >= -_EDGE_SLACK:  # or NaN
             return None
         weights = np.zeros(len(self._knots))
         weights[self._triangles[best]] = np.clip(shares[best], 0.0, None)

@@ -182,7 +182,7 @@ def test_frames_that_are_given_as_sharp_and_are_not_give_a_warning(recwarn):
     with pytest.warns(UserWarning, match=r"^sharp frame 2 of 2 does not look sharp: contrast falls to half at 0\.[01]"):
         ConditionMonitor().calibrate([sharp, soft])
     with pytest.warns(UserWarning, match=r"^night\.png does not look sharp"):
-        ConditionMonitor().calibrate([soft], names=["night.png"])
+        ConditionMonitor().calibrate([soft], names=(name for name in ["night.png"]))
     with pytest.raises(InputError, match="1 names of 2 frames"):
         ConditionMonitor().calibrate([sharp, soft], names=["night.png"])
 

@@ -112,8 +112,9 @@ def test_triangles_cover_full_bins_without_overlap(seed: int) -> None:
 
 def test_nothing_is_extrapolated() -> None:
     surface = build(SIGMA, MTF, plane(SIGMA, MTF), stream(1, "boot"))
-    for sigma, mtf in ((28.0, 0.9), (10.0, 0.3), (10.0, 1.06), (np.nan, 0.9), (5.0, np.inf)):
-        with pytest.raises(InputError, match="not extrapolated|finite"):
+    absurd = [(5.0, 1e308), (1.7e308, 1.7e308)]  # infinite in units of bins
+    for sigma, mtf in ((28.0, 0.9), (10.0, 0.3), (10.0, 1.06), (np.nan, 0.9), (5.0, np.inf), *absurd):
+        with pytest.raises(InputError, match="not extrapolated|finite"), np.errstate(all="raise", under="ignore"):
             surface.at(sigma, mtf)
     answer = surface.query([10.0, 40.0], 0.8)
     assert answer.ap_percent[0] == pytest.approx(34.0) and np.isnan(answer.ap_percent[1])
