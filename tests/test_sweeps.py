@@ -91,6 +91,19 @@ def test_a_launcher_of_hydra_gives_the_same_bytes(launcher, one_after_another, t
     assert sweep(tmp_path, f"hydra/launcher={launcher}") == one_after_another
 
 
+@pytest.mark.full("two sweeps, one of four worker processes, take 30 s")
+@pytest.mark.slow
+def test_jobs_of_joblib_start_worker_processes_of_their_own(tmp_path):
+    """Most stages do; joblib's way of starting processes, which a job has as its default, is unknown in those."""
+    if importlib.util.find_spec("hydra_plugins.hydra_joblib_launcher") is None:
+        pytest.skip("the extra 'sweep' is not installed")
+    tiles = ("pipeline.stages.index", "+job.dataset=photos", "datasets.photos.limit=2", "noise.tile_px=128,96")
+    for name, options in (("basic", ("executor.workers=1",)), ("joblib", ("executor.workers=2",))):
+        run(*tiles, *options, f"hydra/launcher={name}", f"hydra.sweep.dir={tmp_path / name}", "--multirun")
+    alone, together = ([results(tmp_path / name / str(job)) for job in range(2)] for name in ("basic", "joblib"))
+    assert alone == together and alone[0] != alone[1] and "data/index/photos/patches.parquet" in alone[0]
+
+
 @pytest.mark.full("two experiments in copies of the project take 40 s")
 def test_a_queue_of_experiments_is_run(tmp_path):
     """Two queued experiments, run side by side with the workspace, which they leave as it is."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import multiprocessing
 import sys
 import time
 from collections.abc import Sequence
@@ -49,6 +50,7 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
             config = validate(content, "conf/")
             root = Path(config.root)
             check_outputs(outputs)
+            start_processes_without_joblib()
             stage.run(config, job, root, outputs, weights=root / "data/weights" if config.root else None)
 
     if not (CONF / "config.yaml").is_file():
@@ -78,6 +80,16 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
         if sweep is not None:
             with suppress(OSError):  # it holds the sweep; empty where Hydra refused to start
                 sweep.rmdir()
+
+
+def start_processes_without_joblib() -> None:
+    """Have processes begin by a method that Python knows.
+
+    Hydra's joblib launcher makes joblib's own the default of its jobs; the processes that a job starts, which are told
+    of it, would end at once.
+    """
+    if multiprocessing.get_start_method(allow_none=True) not in (None, *multiprocessing.get_all_start_methods()):
+        multiprocessing.set_start_method("spawn", force=True)
 
 
 def refuse_chdir(chdir: object) -> None:
