@@ -80,7 +80,9 @@ def sim_frames(
 
     folder = Path(cache) / f"sim-{fingerprint()}-{seed}-{samples}-{width_px}x{height_px}"
     numbers = range(first, first + count)
-    missing = [number for number in numbers if not (folder / f"{number:05d}.png").is_file()]
+    missing = [
+        number for number in numbers if not all((folder / f"{number:05d}.{kind}").is_file() for kind in ("json", "png"))
+    ]
     size = {"width_px": width_px, "height_px": height_px}
     run_map(
         partial(_render, seed=seed, folder=folder, samples=samples, **size),
