@@ -86,7 +86,7 @@ def folder() -> Path:
 def names() -> list[str]:
     """Names of the stored cameras, sorted; none without a folder for them."""
     try:
-        return sorted(path.stem for path in folder().glob("*.json"))
+        return sorted(path.stem for path in folder().glob("[!.]*.json"))
     except InputError:
         return []
 

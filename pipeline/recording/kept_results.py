@@ -96,7 +96,7 @@ def kept_tables(folder: Path) -> list[dict[str, NDArray[Any]]]:
 
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; give the one that --keep wrote")
-    return [store.read_arrays(path, REMEDY) for path in sorted(folder.glob("*.npz"))]
+    return [store.read_arrays(path, REMEDY) for path in sorted(folder.glob("[!.]*.npz"))]
 
 
 def _load_or_compute(function: Callable[[Any], Any], folder: Path, key: str, item: Any) -> Any:

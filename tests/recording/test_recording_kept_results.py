@@ -110,6 +110,14 @@ def test_without_a_folder_nothing_is_kept() -> None:
     assert keyed(keeping(None), MODULE, WEIGHTS)(count, [1, 2]) == [2, 3]
 
 
+def test_what_a_killed_recording_was_writing_is_no_result(tmp_path: Path) -> None:
+    mapped(tmp_path)(columns, [1])
+    (path,) = tmp_path.iterdir()
+    (tmp_path / ".writing-a.npz").write_bytes(path.read_bytes())
+    (tmp_path / ".writing-b.npz").touch()
+    assert len(kept_tables(tmp_path)) == 1
+
+
 def test_a_broken_kept_file_names_the_remedy_of_a_recording(tmp_path: Path) -> None:
     mapped(tmp_path)(columns, [1])
     (path,) = tmp_path.iterdir()
