@@ -114,27 +114,29 @@ class ChunkLoader:
     def _start(self, first: int) -> None:
         context = multiprocessing.get_context("spawn")
         for worker in range(self.producers):
-            out = context.Queue(self.ahead)
+            out: Any = context.Queue(self.ahead)
             begin = first + (worker - first) % self.producers  # worker w makes the numbers equal to w, modulo
             process = context.Process(target=_produce, args=(self.make, begin, self.producers, out), daemon=True)
             with processor.for_children():
                 process.start()
+            out._writer.close()  # of this process: were it open, what a killed worker sent in part would have no end
             self._workers.append((process, out))
 
     def _receive(self, number: int) -> Arrays:
         if not self._workers:
             return self.make(number)
         process, out = self._workers[number % self.producers]
-        while True:
-            try:
-                made = out.get(timeout=WAIT_S)
-            except queue.Empty:
-                if not process.is_alive():
-                    raise ProducerDied(f"the process that makes training samples ended ({process.exitcode})") from None
-                continue
-            if isinstance(made, str):
-                raise ProducerDied(f"making training samples failed:\n{made}")
-            return made
+        try:
+            made = out.get()
+        except (EOFError, OSError):
+            process.join()
+            raise ProducerDied(
+                f"the process that makes training samples ended ({process.exitcode}; is memory short?); start the "
+                "training again, it goes on from its last checkpoint"
+            ) from None
+        if isinstance(made, str):
+            raise ProducerDied(f"making training samples failed:\n{made}")
+        return made
 
 
 def _produce(make: Maker, first: int, step: int, out: Any) -> None:

@@ -1,6 +1,7 @@
 """Feeding: the same batches whoever makes the chunks and wherever a run begins; dead workers are reported."""
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -65,6 +66,31 @@ def test_a_failing_producer_is_reported():
     with ChunkLoader(failing, 1, replays=1, producers=1) as loader, pytest.raises(ProducerDied, match="no more"):
         for step in range(4):
             loader.batch(step)
+
+
+def large(number):
+    """More than a pipe takes at once."""
+    return {"x": np.full(2_000_000, number, np.float32)}
+
+
+def test_a_producer_that_is_killed_while_it_sends_is_reported():
+    """The system kills one where memory is short; the trainer waited for the rest of its chunk for ever."""
+
+    def too_late(number, frame):
+        raise TimeoutError
+
+    before = signal.signal(signal.SIGALRM, too_late)
+    try:
+        with ChunkLoader(large, 1, replays=1, producers=1) as loader:
+            loader.batch(0)
+            os.kill(loader._workers[0][0].pid, signal.SIGKILL)
+            signal.alarm(30)
+            with pytest.raises(ProducerDied, match=r"ended \(-9; is memory short\?\); start the training again"):
+                for step in range(1, 100):
+                    loader.batch(step)
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def test_producers_end_with_a_killed_trainer():
