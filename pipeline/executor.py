@@ -17,10 +17,12 @@ import platform
 import re
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from multiprocessing import connection
+from multiprocessing.process import BaseProcess
 from typing import Any, Generic, TypeVar
 
 from pipeline import processor, weight_files
@@ -222,13 +224,16 @@ class _Work(Generic[Item, Result]):
             Exception: that of the first item in order that failed.
         """
         with_spawn = multiprocessing.get_context("spawn")
-        pool = ProcessPoolExecutor(workers, mp_context=with_spawn, initializer=_begin_worker)
+        pool: Any = ProcessPoolExecutor(workers, mp_context=with_spawn, initializer=_begin_worker)
         futures: dict[Future[Result], int] = {}
+        others = set(multiprocessing.active_children())
         try:
             with processor.for_children():  # the pool starts its processes with the first items
                 for index in self.waiting():
                     futures[pool.submit(_call, self.function, self.items[index])] = index
-            self._collect(futures)
+            pool._result_queue._writer.close()  # of this process: open, what killed workers sent in part has no end
+            with _ending_together(set(multiprocessing.active_children()) - others):
+                self._collect(futures)
         except BrokenProcessPool:
             for future, index in futures.items():  # `as_completed` may yield lost items before finished ones
                 if index not in self.done and future.done() and not future.cancelled() and not future.exception():
@@ -264,6 +269,30 @@ class _Work(Generic[Item, Result]):
         """One per item, in their order, when all are done; ends the progress bar."""
         next(self._bar, None)
         return [self.done[index] for index in range(len(self.items))]
+
+
+@contextmanager
+def _ending_together(workers: Collection[BaseProcess]) -> Iterator[None]:
+    """Kill all workers of a pool as soon as one has died.
+
+    The pool would do so itself, but waits for ever where a worker was killed, as for want of memory, while it sent a
+    result: for the rest, as long as a process is there that could write it.
+    """
+    done, finish = multiprocessing.Pipe(duplex=False)
+
+    def watch() -> None:
+        if done not in connection.wait([done, *(worker.sentinel for worker in workers)]):
+            for worker in workers:
+                worker.kill()
+
+    watcher = threading.Thread(target=watch, daemon=True)
+    watcher.start()
+    try:
+        yield
+    finally:
+        finish.close()
+        watcher.join()
+        done.close()
 
 
 def _check_pins(statuses: Mapping[str, str], address: str) -> None:

@@ -2,8 +2,10 @@
 
 import functools
 import gc
+import multiprocessing
 import os
 import signal
+import struct
 import subprocess
 import sys
 import time
@@ -69,6 +71,17 @@ def die_once(folder, x):
     mark = Path(folder) / f"died-{x}"
     if x == 2 and not mark.exists():
         mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return square(x)
+
+
+def die_while_sending(folder, x):
+    """Kill this process the first time item 2 comes by, with its result sent in part."""
+    mark = Path(folder) / f"died-{x}"
+    if x == 2 and not mark.exists():
+        mark.touch()
+        results = multiprocessing.current_process()._args[1]
+        os.write(results._writer.fileno(), struct.pack("!i", 1000) + b"the first of 1000 bytes")
         os.kill(os.getpid(), signal.SIGKILL)
     return square(x)
 
@@ -154,6 +167,12 @@ def test_an_exception_that_cannot_be_pickled_is_told_by_its_message(error, argum
 def test_a_killed_worker_loses_nothing(tmp_path):
     assert run_map(functools.partial(die_once, str(tmp_path)), range(6), workers=2) == [x * x for x in range(6)]
     assert (tmp_path / "died-2").exists()
+
+
+def test_a_worker_killed_while_it_sends_a_result_loses_nothing(tmp_path):
+    """The map waited for the rest of the result for ever."""
+    ran = run_map(functools.partial(die_while_sending, str(tmp_path)), range(6), workers=2)
+    assert ran == [x * x for x in range(6)] and (tmp_path / "died-2").exists()
 
 
 def test_workers_end_with_a_killed_parent(tmp_path):
