@@ -12,6 +12,7 @@ it cannot depend on a value whose change would not re-run it.
 from __future__ import annotations
 
 import contextlib
+import errno
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -173,19 +174,27 @@ class Stage:
             MODES.get(way)(self, [argument for argument in arguments if argument != "--params"])
 
 
+FORBIDDEN = (errno.EACCES, errno.EPERM, errno.EROFS)
+"""Errors of the system where a file or folder may not be read or written."""
+
+
 @contextlib.contextmanager
 def plain_errors() -> Iterator[None]:
-    """End the process, after one line instead of a traceback, where the input is wrong, a disk full, or on Ctrl-C."""
+    """End the process, after one line instead of a traceback, where a user has to mend something, or on Ctrl-C.
+
+    That is wrong input, a full disk, and a file or folder without permission to read or write.
+    """
     try:
         yield
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         raise SystemExit(2) from None
     except OSError as error:
-        if error.errno not in FULL:
+        remedy = "make room" if error.errno in FULL else "give permission" if error.errno in FORBIDDEN else None
+        if remedy is None:
             raise
         where = f"{error.filename}: " if error.filename else ""
-        print(f"error: {where}{error.strerror}; make room and run again", file=sys.stderr)
+        print(f"error: {where}{error.strerror}; {remedy} and run again", file=sys.stderr)
         raise SystemExit(2) from None
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)

@@ -22,7 +22,7 @@ def what_lies_there(root: Path, searched: Path) -> str:
     Returns:
         a part of a sentence, beginning with a comma; files and folders whose names begin with ``.`` do not count.
     """
-    names = [path for path in searched.iterdir() if path.name[0] != "."]
+    names = [path for path in sorted(searched.iterdir()) if path.name[0] != "."]
     suffixes = Counter(path.suffix.lower() or "unnamed" for path in names if path.is_file())
     held = [f"{count} {suffix} {'file' if count == 1 else 'files'}" for suffix, count in suffixes.most_common(_MOST)]
     rest = suffixes.total() - sum(count for _, count in suffixes.most_common(_MOST))

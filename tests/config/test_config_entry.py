@@ -108,15 +108,17 @@ stage("probe", reads=["seed"])(body)(["--params"])
     assert [path.name for path in tmp_path.iterdir()] == ["params.yaml"]
 
 
-WITHOUT_ROOM = """
-import resource, sys
+DISTURBED = """
+import os, resource, sys
 from pathlib import Path
 from pipeline import store
 from pipeline.config.entry import stage
 
 def body(run):
-    if len(sys.argv) > 1:
+    if sys.argv[1] == "interrupt":
         raise KeyboardInterrupt
+    if sys.argv[1] == "forbidden":
+        raise PermissionError(13, os.strerror(13), "reports/x")
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
     store.write_text(run.outputs / "table.txt", "x" * 5000)
 
@@ -125,16 +127,17 @@ stage("probe", reads=["seed"])(body)(["--params"])
 
 
 @pytest.mark.parametrize(
-    ("words", "status", "line"),
+    ("kind", "status", "line"),
     [
-        ([], 2, "error: table.txt: File too large; make room and run again\n"),
-        (["interrupt"], 130, "interrupted\n"),
+        ("full", 2, "error: table.txt: File too large; make room and run again\n"),
+        ("forbidden", 2, "error: reports/x: Permission denied; give permission and run again\n"),
+        ("interrupt", 130, "interrupted\n"),
     ],
 )
-def test_a_full_disk_and_an_interrupt_are_one_line(words, status, line, tmp_path):
+def test_what_a_user_has_to_mend_and_an_interrupt_are_one_line(kind, status, line, tmp_path):
     shutil.copy(ROOT / "params.yaml", tmp_path)
     done = subprocess.run(
-        [sys.executable, "-c", WITHOUT_ROOM, *words], cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)},
+        [sys.executable, "-c", DISTURBED, kind], cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True, text=True,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (status, line)
