@@ -30,7 +30,7 @@ def behind_link(folder: Path) -> Path:
 
 
 def indexed(out: Path, kind: str, root: Path, *more: str) -> list[str]:
-    config = configured(f"+dataset@datasets.mine={kind}", f"datasets.mine.root={root}", *more)
+    config = configured(f"+dataset@datasets.mine={kind}", f'datasets.mine.root="{root}"', *more)
     index.run.run(config, {"dataset": "mine"}, out, out)
     return sorted(path.name for path in (out / "data/index/mine").iterdir())
 
@@ -68,7 +68,7 @@ def test_a_folder_of_pictures_beside_the_labels_has_no_linked_folder_either(tmp_
     (root / "object-dataset").rename(images)
     (root / "object-dataset").mkdir()
     (images / "labels.csv").rename(root / "object-dataset/labels.csv")
-    given = f"+datasets.mine.options.images={behind_link(images)}"
+    given = f'+datasets.mine.options.images="{behind_link(images)}"'
     assert "frames.parquet" in indexed(tmp_path / "out", "udacity", root, given)
     (images / "more").symlink_to(tmp_path)
     with pytest.raises(InputError, match=r"datasets\.mine\.options\.images=.*more is a link to a folder"):
@@ -80,7 +80,7 @@ def test_recordings_and_kernels_are_looked_at_too(tmp_path: Path) -> None:
     folder = tmp_path / "given"
     folder.mkdir()
     (folder / "below").symlink_to(tmp_path / "real")
-    config = configured(f"real_noise.recordings.cc.folder={folder}", "psf=paper", f"psf.folder={folder}")
+    config = configured(f'real_noise.recordings.cc.folder="{folder}"', "psf=paper", f'psf.folder="{folder}"')
     for stage, job, setting in ((real_noise, {"recording": "cc"}, "real_noise.recordings.cc"), (psf_bank, {}, "psf")):
         with pytest.raises(InputError, match=rf"{setting}\.folder=.*below is a link to a folder"):
             stage.run.run(config, job, tmp_path, tmp_path)

@@ -75,7 +75,7 @@ def test_a_quoted_value_may_hold_any_letters() -> None:
 )
 def test_an_option_between_overrides_sweeps_below_its_own_folder_only(arguments: list[str], tmp_path: Path) -> None:
     before = (ROOT / "reports/metrics/sensor.json").read_bytes()
-    done = stage(*arguments, f"hydra.sweep.dir={tmp_path}")
+    done = stage(*arguments, f'hydra.sweep.dir="{tmp_path}"')
     assert done.returncode == 0, done.stderr
     first, second = ((tmp_path / job / "reports/metrics/sensor.json").read_bytes() for job in "01")
     assert first != second
@@ -115,7 +115,7 @@ def test_links_lead_to_results_of_the_project_too(tmp_path: Path, monkeypatch: p
 
 @pytest.mark.parametrize("arguments", [[], pytest.param(["--multirun"], marks=pytest.mark.full("one more takes 4 s"))])
 def test_changing_into_the_output_folder_is_refused_by_name(arguments: list[str], tmp_path: Path) -> None:
-    done = stage("hydra.job.chdir=true", f"hydra.run.dir={tmp_path}/one", *arguments)
+    done = stage("hydra.job.chdir=true", f'hydra.run.dir="{tmp_path}/one"', *arguments)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
     assert done.stderr.startswith("error: hydra.job.chdir=true: ")
     assert not (tmp_path / "one").exists()

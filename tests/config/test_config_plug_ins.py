@@ -112,7 +112,7 @@ def at_top(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("at_top")
 def test_another_file_behind_an_option_changes_what_its_stages_depend_on(tmp_path: Path) -> None:
     weights = tmp_path / "mine.safetensors"
-    given = f"+blur.estimators.mine={{kind: spectral, options: {{weights: {weights}, batch: 8, output: system}}}}"
+    given = f'+blur.estimators.mine={{kind: spectral, options: {{weights: "{weights}", batch: 8, output: system}}}}'
     weights.write_bytes(b"first")
     before = composed(given)["option_files"]
     assert set(before["blur"]["mine"]) == {"weights"} and before["blur"]["spectral"] == {}
