@@ -7,6 +7,7 @@ is no part of its hash.
 from __future__ import annotations
 
 import os
+import shlex
 from pathlib import Path
 
 from pipeline.errors import InputError
@@ -26,8 +27,9 @@ def refuse_linked_folders(folder: str | Path | None, setting: str) -> None:
         for name in sorted(below):
             link = Path(parent, name)
             if link.is_symlink():
+                here, there = (shlex.quote(str(path)) for path in (link, link.resolve()))
                 raise InputError(
                     f"{setting}={folder}: {link} is a link to a folder, behind which DVC notices no edit; make"
                     f" {folder} itself the link or name the real folder, or link the files one by one"
-                    f" (rm {link}; cp -rs {link.resolve()} {link})"
+                    f" (rm {here}; cp -rs {there} {here})"
                 )

@@ -42,13 +42,13 @@ def indexed(out: Path, kind: str, root: Path, *more: str) -> list[str]:
 def test_the_index_refuses_a_linked_folder_of_a_dataset(
     kind: str, make: Callable[..., Path], linked: str, tmp_path: Path
 ) -> None:
-    root = make(tmp_path / "mine", frames=1)
+    root = make(tmp_path / "of mine", frames=1)
     link = behind_link(root / linked)
     with pytest.raises(InputError) as caught:
         indexed(tmp_path / "out", kind, root)
     message = str(caught.value)
     assert f"datasets.mine.root={root}: {link} is a link to a folder" in message and "\n" not in message
-    assert f"cp -rs {link.resolve()} {link}" in message and not (tmp_path / "out/data").exists()
+    assert f"(rm '{link}'; cp -rs '{link.resolve()}' '{link}')" in message and not (tmp_path / "out/data").exists()
 
 
 def test_links_that_dvc_follows_are_taken(tmp_path: Path) -> None:
