@@ -121,15 +121,22 @@ def sensor(stages: Stages, recorded: Path | None) -> Sensor | None:
         tables = {"transfer": TRANSFER, "points": TRANSFER_POINTS, "dark": DARK, "dark_means": DARK_MEANS}
         return Sensor(f"real_noise@{SENSOR}", **{n: optional(folder, f"{n}.parquet", s) for n, s in tables.items()})
     folder_of_record = _folder(recorded, SENSOR_FOLDER)
-    if folder_of_record is None:
-        return None
+    return None if folder_of_record is None else recorded_sensor(folder_of_record)
+
+
+def recorded_sensor(folder: Path) -> Sensor:
+    """The constants in a folder that ``camera-monitor record sensor`` has written.
+
+    Raises:
+        InputError: a table is absent or broken; names its file.
+    """
     files = {
         "transfer": (TRANSFER_FILE, TRANSFER),
         "points": (POINTS_FILE, TRANSFER_POINTS),
         "dark": (DARK_FILE, DARK),
         "dark_means": (DARK_MEANS_FILE, DARK_MEANS),
     }
-    return Sensor("", **{name: _csv(folder_of_record / file, schema) for name, (file, schema) in files.items()})
+    return Sensor("", **{name: _csv(folder / file, schema) for name, (file, schema) in files.items()})
 
 
 def _made(stages: Stages, name: str) -> Recording:

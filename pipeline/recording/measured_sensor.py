@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.camera.sensor import Sensor, named
 from pipeline.errors import InputError, printable
-from pipeline.experiments.real_noise_records import DARK_FILE, TRANSFER_FILE
+from pipeline.experiments.real_noise_records import DARK_FILE, TRANSFER_FILE, recorded_sensor
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -59,13 +59,19 @@ def measured_sensor(folder: Path) -> tuple[Sensor, float]:
     Raises:
         InputError: a table is absent or broken; names the file.
     """
-    transfer = folder / TRANSFER_FILE
-    full_well_e, pattern = _median(transfer, "full_scale_e"), _median(transfer, "pattern_fraction")
-    readout_e = _median(transfer, "dark_sigma_e", may_be_absent=True)
-    current = max(_median(folder / DARK_FILE, "dark_current_e_per_s"), 0.0)
+    if not (folder / TRANSFER_FILE).is_file():
+        raise InputError(
+            f"{printable(folder / TRANSFER_FILE)}: no such file; give a folder that camera-monitor record sensor has "
+            "written"
+        )
+    constants = recorded_sensor(folder)
+    transfer, dark = (folder / TRANSFER_FILE, constants.transfer), (folder / DARK_FILE, constants.dark)
+    full_well_e, pattern = _median(*transfer, "full_scale_e"), _median(*transfer, "pattern_fraction")
+    readout_e = _median(*transfer, "dark_sigma_e", may_be_absent=True)
+    current = max(_median(*dark, "dark_current_e_per_s"), 0.0)
     if not (full_well_e > 0.0 and readout_e >= 0.0 and 0.0 <= pattern < 1.0):
         raise InputError(
-            f"{printable(transfer)}: full_scale_e={full_well_e:g}, dark_sigma_e={readout_e:g}, "
+            f"{printable(transfer[0])}: full_scale_e={full_well_e:g}, dark_sigma_e={readout_e:g}, "
             f"pattern_fraction={pattern:g}; expected above 0, at least 0 and 0 to 1; record the sensor again"
         )
     sensor = Sensor(full_well_e=full_well_e, read_noise_e=readout_e, dark_figure_na_per_cm2=1.0)
@@ -73,26 +79,12 @@ def measured_sensor(folder: Path) -> tuple[Sensor, float]:
     return replace(sensor, dark_figure_na_per_cm2=figure), pattern
 
 
-def _median(file: Path, column: str, may_be_absent: bool = False) -> float:
+def _median(file: Path, table: pd.DataFrame, column: str, may_be_absent: bool = False) -> float:
     """Median of a column over the planes that have a number; 0 where none has and that may be."""
-    numbers = _table(file, column).dropna()
+    numbers = table[column].dropna()
     if numbers.empty and may_be_absent:
         return 0.0
     value = float(numbers.median()) if len(numbers) else math.nan
     if not math.isfinite(value):
         raise InputError(f"{printable(file)}: no number in its column {column}; record the sensor again")
     return value
-
-
-def _table(file: Path, column: str) -> pd.Series:
-    import pandas as pd
-
-    expected = f"expected a table with a column {column}, as camera-monitor record sensor writes it"
-    if not file.is_file():
-        raise InputError(
-            f"{printable(file)}: no such file; give a folder that camera-monitor record sensor has written"
-        )
-    try:
-        return pd.read_csv(file)[column].astype(float)
-    except (ValueError, KeyError, UnicodeDecodeError) as error:  # pandas raises kinds of ValueError
-        raise InputError(f"{printable(file)}: {expected} ({' '.join(str(error).split())})") from None
