@@ -1,7 +1,7 @@
 """``camera-monitor``: the pipeline's tools on your own footage.
 
 Each command is one file; it is imported when it is called, so that ``--help`` answers at once. Exit codes: 0 fine,
-2 wrong input or results that cannot be written, 3 alarm (``health``, ``watch``), 130 interrupted.
+2 wrong input or results that cannot be written, 3 alarm (``health``, ``watch``, ``budget``), 130 interrupted.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ COMMANDS = {
     "weights": "List, download and verify published detector weights.",
 }
 
+ALARM = 3  # exit code of ``health``, ``watch`` and ``budget``
 INTERRUPTED = 130  # exit code after Ctrl-C, SIGTERM or SIGHUP
 ENDING_SIGNALS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 
 import click
 
 from pipeline.cli.given_paths import GivenPath
-from pipeline.cli.numbers import FiniteRange
+from pipeline.cli.numbers import FiniteRange, printed
 from pipeline.cli.video_codec import codec_option
 from pipeline.errors import InputError, printable
 
@@ -103,13 +102,6 @@ def command(
             except InputError as error:
                 set_aside.add(name, error)
                 continue
-            row = {key: _plain(value) for key, value in advice.row().items()}
+            row = {key: printed(value) if isinstance(value, float) else value for key, value in advice.row().items()}
             click.echo(json.dumps({"picture": name, **row}))
     set_aside.refuse()
-
-
-def _plain(value: object) -> object:
-    """JSON has no NaN: it becomes null; numbers keep four digits."""
-    if isinstance(value, float):
-        return None if not math.isfinite(value) else float(f"{value:.4g}")
-    return value

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pipeline.cli import ALARM
 from pipeline.cli.given_paths import GivenPath
-from pipeline.cli.numbers import FiniteRange
+from pipeline.cli.numbers import FiniteRange, printed
 from pipeline.cli.video_codec import codec_option
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
     from pipeline.condition.noise_budget import Explanation, FrameBudget
 
-ALARM = 3
 ZERO_CELSIUS_K = 273.15
 REMEDIES = {
     "photon": "more light and less gain lower it, by the root of the light",
@@ -137,12 +137,9 @@ def row(budget: FrameBudget) -> dict[str, Any]:
         "ratio_high": budget.ratio_high,
         **{f"{name}_fraction": budget.shares.get(name, math.nan) for name in NAMES},
     }
-    rounded = {name: float(f"{value:.4g}") if math.isfinite(value) else None for name, value in numbers.items()}
     explanations = [{"kind": item.kind, "amount": float(f"{item.amount:.3g}")} for item in budget.explanations]
-    return {
-        **rounded, "tiles": budget.tiles, "verdict": budget.verdict, "explanations": explanations,
-        "words": words(budget),
-    }  # fmt: skip
+    about = {"tiles": budget.tiles, "verdict": budget.verdict, "explanations": explanations, "words": words(budget)}
+    return {name: printed(value) for name, value in numbers.items()} | about
 
 
 def words(budget: FrameBudget) -> str:

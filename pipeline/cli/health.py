@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pipeline.cli import ALARM
 from pipeline.cli.frame_samples import patches_option, tiles_option
 from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.health_options import HealthOptions
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
     from pipeline.cli.set_aside import SetAside
     from pipeline.condition import ConditionMonitor
     from pipeline.control.performance import Performance
-
-ALARM = 3  # exit code
 
 
 @click.command("health")

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pipeline.cli import ALARM
 from pipeline.cli.frame_samples import patches_option, tiles_option
 from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.numbers import FiniteRange, Mtf50Limit
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from pipeline.cli.frame_analysis import FrameAnalysis
     from pipeline.cli.watch_sources import SourceFrame
 
-ALARM = 3  # exit code
 STATED = (
     "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "sigma_at_most_dn", "mtf50_horizontal", "mtf50_vertical",
     "mtf50_horizontal_status", "mtf50_vertical_status", "ap_percent", "row_noise_dn", "column_noise_dn",
