@@ -153,7 +153,7 @@ def summarised(budgets: Sequence[FrameBudget], cause: str = "") -> dict[str, Any
         kinds = [[item.kind for item in budget.explanations] for budget in departed]
         row |= {
             "cause_stated": round(float(np.mean([cause in listed for listed in kinds])), 3),
-            "cause_first": round(float(np.mean([listed[0] == cause for listed in kinds])), 3),
+            "cause_first": round(float(np.mean([listed[:1] == [cause] for listed in kinds])), 3),
         }
     return row
 

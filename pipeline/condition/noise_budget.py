@@ -48,6 +48,7 @@ PROCESSED_CORRELATION = 0.25
 """Correlation of adjacent pixels from which noise was processed: a sensor's is white."""
 
 SMOOTHING_PX = 9  # side of the box whose mean stands for the grey level without noise
+_GREY = np.arange(256.0)  # levels of 8 bits
 _CLIPPED_SIGMAS = 2.5  # distance from black and white in standard deviations below which noise is clipped
 _LEAST_SIGMA_DN = 0.05  # for the logarithm
 _LEAST_READABLE = 0.5  # fraction of a tile's pixels
@@ -144,7 +145,7 @@ def noise_budget(
     if noise.correlation > PROCESSED_CORRELATION:
         return _unknown(f"the camera has processed the noise (adjacent pixels correlate by {noise.correlation:.2f})")
     levels = level_variances(camera, exposure_s, gain, pattern_fraction)
-    light = (np.arange(256) / camera.gamma) ** 2  # of a fixed pattern as strong as the light, behind the curve
+    light = (_GREY / camera.gamma) ** 2  # of a fixed pattern as strong as the light, behind the curve
     means = tile_means(picture, noise.patches, np.vstack([levels, light]), unclipped(camera, exposure_s, gain))
     variance, pattern = means[:, :-1], means[:, -1]
     expected = np.sqrt(variance.sum(axis=1))
@@ -212,7 +213,7 @@ def level_variances(camera: Camera, exposure_s: float, gain: float, pattern_frac
         (5, 256) DN squared. Rounding is that of the converter, and that to 8 bit where the converter's steps are finer
         or a curve follows.
     """
-    level = np.arange(256) / FULL_SCALE_DN
+    level = _GREY / FULL_SCALE_DN
     linear = decode(level, camera.gamma)
     budget = camera.budget(linear * FULL_SCALE_DN / (camera.sensor.dn_per_electron * gain), gain, exposure_s)
     pattern = pattern_fraction * FULL_SCALE_DN * linear
@@ -228,7 +229,7 @@ def level_variances(camera: Camera, exposure_s: float, gain: float, pattern_frac
 
 def unclipped(camera: Camera, exposure_s: float, gain: float) -> NDArray[np.bool_]:
     """(256,) grey levels behind the tone curve whose expected noise black and white do not clip."""
-    linear = decode(np.arange(256) / FULL_SCALE_DN, camera.gamma)
+    linear = decode(_GREY / FULL_SCALE_DN, camera.gamma)
     reach = _CLIPPED_SIGMAS * camera.linear_sigma_dn(linear, gain, exposure_s) / FULL_SCALE_DN
     return np.asarray((linear > reach) & (linear < 1.0 - reach))
 
@@ -254,7 +255,7 @@ def tile_means(
     for row, patch in zip(result, patches, strict=True):
         tile = grey[patch.y_px : patch.y_px + patch.size_px, patch.x_px : patch.x_px + patch.size_px]
         if readable[np.rint(tile).astype(np.intp)].mean() > _LEAST_READABLE:
-            row[:] = [np.interp(tile, np.arange(256), source).mean() for source in levels]
+            row[:] = [np.interp(tile, _GREY, source).mean() for source in levels]
     return result
 
 
