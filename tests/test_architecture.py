@@ -17,7 +17,7 @@ FLOORS = {
     "cluster_intervals": 0, "arrays": 0, "bisection": 0,
     "grouped_statistics": 0, "dependencies": 0, "processor": 0, "project_files": 0, "weight_files": 0,
     "stage_files": 0, "baselines": 0, "signals": 0, "freed_memory": 0, "yaml_text": 0,
-    "answers": 0, "linked_folders": 0, "dask_worker": 0,
+    "answers": 0, "linked_folders": 0, "dask_worker": 0, "downloads": 0,
     "camera": 1,
     "scenes": 2,
     "datasets": 3, "learning": 3,

@@ -35,6 +35,7 @@ COMMANDS = {
     "report": "Compare the numbers of two reports.",
     "export": "Export a released network to ONNX.",
     "weights": "List, download and verify published detector weights.",
+    "download": "Download and verify published pictures: KITTI, Udacity, real noise, raw frames.",
 }
 
 ALARM = 3  # exit code of ``health``, ``watch`` and ``budget``

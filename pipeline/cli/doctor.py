@@ -107,9 +107,9 @@ def weight_files() -> list[dict[str, Any]]:
 def detector_weights() -> dict[str, bool]:
     """Published detector weights: name -> whether they have been downloaded."""
     from pipeline.cli.weights import FOLDER
-    from pipeline.detection import weights
+    from pipeline.detection.weights_table import TABLE
 
-    return {name: (FOLDER / entry.file).is_file() for name, entry in weights.TABLE.items()}
+    return {name: (FOLDER / entry.file).is_file() for name, entry in TABLE.items()}
 
 
 def present(paths: dict[str, str]) -> dict[str, bool]:

@@ -40,9 +40,10 @@ class Kitti(Dataset):
 
     kind: ClassVar[str] = "kitti"
     source: ClassVar[str] = (
-        "Get 'left color images of object data set', 'training labels' and, for four-frame estimates, '3 temporally "
-        "preceding frames (left color)' from https://www.cvlibs.net/datasets/kitti/eval_object.php and unpack them "
-        "into one folder (training/image_2, training/label_2, training/prev_2)."
+        "'camera-monitor download kitti' gets images and labels. Or get 'left color images of object data set', "
+        "'training labels' and, for four-frame estimates, '3 temporally preceding frames (left color)' from "
+        "https://www.cvlibs.net/datasets/kitti/eval_object.php and unpack them into one folder (training/image_2, "
+        "training/label_2, training/prev_2)."
     )
     classes: ClassVar[frozenset[str] | None] = frozenset(
         {"Car", "Van", "Truck", "Pedestrian", "Person_sitting", "Cyclist", "Tram", "Misc", "DontCare"}

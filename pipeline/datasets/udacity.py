@@ -54,8 +54,9 @@ class Udacity(Dataset):
 
     kind: ClassVar[str] = "udacity"
     source: ClassVar[str] = (
-        "Get an archive of annotated frames (autti: 3.3 GB, or crowdai: 1.5 GB) from "
-        "https://github.com/udacity/self-driving-car/tree/master/annotations and unpack it there."
+        "'camera-monitor download udacity' gets both archives. Or get one of annotated frames (autti: 3.3 GB, or "
+        "crowdai: 1.5 GB) from https://github.com/udacity/self-driving-car/tree/master/annotations and unpack it "
+        "there."
     )
     classes: ClassVar[frozenset[str] | None] = frozenset({"car", "truck", "pedestrian", "biker", "trafficlight"})
 

@@ -1,6 +1,6 @@
-"""Published weight files of detectors: where they lie, how large they are, and what their bytes hash to.
+"""PublishedFile weight files of detectors: where they lie, how large they are, and what their bytes hash to.
 
-Data only; `pipeline.detection.weights` fetches them. Sources of the hashes:
+Data only; `pipeline.downloads` fetches them. Sources of the hashes:
 
 - ``yolox_nano``: the release asset, as several public projects that pin it record it.
 - ``yolox_nano_reexport``: another export of the same network, 18,949 bytes larger, in a public repository; the numbers
@@ -14,27 +14,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from pipeline.downloads import PublishedFile
 
-@dataclass(frozen=True)
-class Published:
-    """One published file.
+
+@dataclass(frozen=True, kw_only=True)
+class PublishedWeights(PublishedFile):
+    """A published file of a detector's weights.
 
     Attributes:
-        file: name to keep it under.
         detector: the detector that reads it, by registry name.
-        urls: where it lies, the most direct first; each names a fixed release or revision.
         licence: of the weights, as their project states it.
-        size_bytes: length, or None where it is not published.
-        sha256: hash, or None where none is published.
         note: what to do with the file, or None if it can be used as it is.
     """
 
-    file: str
     detector: str
-    urls: tuple[str, ...]
     licence: str
-    size_bytes: int | None = None
-    sha256: str | None = None
     note: str | None = None
 
 
@@ -43,8 +37,8 @@ _ZOO = "https://huggingface.co/onnxmodelzoo/legacy_models/resolve/ff8aa79eb107c6
 _ZOO_LFS = "https://media.githubusercontent.com/media/onnx/models"
 _SEGMENTATION = "vision/object_detection_segmentation"
 
-TABLE: dict[str, Published] = {
-    "yolox_nano": Published(
+TABLE: dict[str, PublishedWeights] = {
+    "yolox_nano": PublishedWeights(
         file="yolox_nano.onnx",
         detector="yolox",
         urls=(f"{_YOLOX}/yolox_nano.onnx",),
@@ -52,7 +46,7 @@ TABLE: dict[str, Published] = {
         size_bytes=3_659_407,
         sha256="c789161ed43c8269fcd4e67c67eeeb4e80c622da2eb296a20bc6007bd18a0b7d",
     ),
-    "yolox_nano_reexport": Published(
+    "yolox_nano_reexport": PublishedWeights(
         file="yolox_nano_reexport.onnx",
         detector="yolox",
         urls=(
@@ -63,7 +57,7 @@ TABLE: dict[str, Published] = {
         size_bytes=3_678_356,
         sha256="e8af074932d4ed7e232278e3055cefcdea3edf178874a3694ae292649fb464dd",
     ),
-    "yolov4": Published(
+    "yolov4": PublishedWeights(
         file="yolov4.onnx",
         detector="yolov4",
         urls=(
@@ -74,7 +68,7 @@ TABLE: dict[str, Published] = {
         size_bytes=257_470_589,
         sha256="1881fe9c506c970d7866cb4bfc33bda791ce46951a3c39c45ace2ff2b9daf369",
     ),
-    "faster_rcnn": Published(
+    "faster_rcnn": PublishedWeights(
         file="FasterRCNN-10.onnx",
         detector="faster_rcnn",
         urls=(
@@ -85,7 +79,7 @@ TABLE: dict[str, Published] = {
         size_bytes=167_330_019,
         sha256="dfb81423efbea52e45df242ade64cfca0ba05fae78e00cf0c68a0979987f87eb",
     ),
-    "yolov7": Published(
+    "yolov7": PublishedWeights(
         file="yolov7.pt",
         detector="yolov7",
         urls=("https://github.com/WongKinYiu/yolov7/releases/download/v0.1/yolov7.pt",),

@@ -1,8 +1,8 @@
-"""Fetch published weight files: pinned, verified, resumable, and never half there.
+"""Fetch published files (weights of detectors, pictures): pinned, verified, resumable, and never half there.
 
 A file is downloaded beside its place (``.NAME.part``) and renamed into it once its SHA-256 is right. An interrupted
 download goes on where it stopped (HTTP Range, with If-Range so that pieces of different files are never joined). Where
-no hash is published and none is given, the first download is trusted and its hash recorded in ``weights.lock.json``
+no hash is published and none is given, the first download is trusted and its hash recorded in ``downloads.lock.json``
 beside it; later ones must equal it.
 """
 
@@ -15,26 +15,45 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from http import HTTPStatus
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 from urllib.parse import urlsplit
 
-from pipeline.detection.weights_table import TABLE, Published
 from pipeline.errors import InputError, did_you_mean
 from pipeline.store import file_sha256, read_json, write_json
 
-LOCK = "weights.lock.json"
+LOCK = "downloads.lock.json"
 ATTEMPTS = 3
 TIMEOUT_S = 30.0
 _BLOCK = 1 << 18
-_NO_WEIGHTS = (b"version https://git-lfs", b"<!doctype html", b"<html")
+_NO_FILE = (b"version https://git-lfs", b"<!doctype html", b"<html")
 
 Trust = Literal["published", "given", "recorded", "first use"]
 Progress = Callable[[int, int | None], None]
 
 
+@dataclass(frozen=True, kw_only=True)
+class PublishedFile:
+    """A published file.
+
+    Attributes:
+        file: name to keep it under, in a folder given; it may have folders of its own before it.
+        urls: where it lies, the most direct first; each names a fixed release or revision.
+        size_bytes: length, or None where it is not published.
+        sha256: hash, or None where none is published.
+    """
+
+    file: str
+    urls: tuple[str, ...]
+    size_bytes: int | None = None
+    sha256: str | None = None
+
+
+Entry = TypeVar("Entry")
+
+
 @dataclass(frozen=True)
 class Fetched:
-    """A weight file that is there and verified.
+    """A file that is there and verified.
 
     Attributes:
         path: the file.
@@ -53,18 +72,25 @@ class _Interrupted(Exception):
     """The connection ended before the file did."""
 
 
-def named(name: str, table: Mapping[str, Published] = TABLE) -> Published:
-    """The entry of a name.
+def named(name: str, table: Mapping[str, Entry], kind: str) -> Entry:
+    """The entry of a name in a table of what is published.
+
+    Args:
+        name: what was asked for.
+        table: by name.
+        kind: what the table has, for the message.
 
     Raises:
         InputError: the table has no such name.
     """
     if name not in table:
-        raise InputError(f"no weights called '{name}'; {did_you_mean(name, table)}")
+        raise InputError(f"no {kind} called '{name}'; {did_you_mean(name, table)}")
     return table[name]
 
 
-def get(entry: Published, folder: str | Path, sha256: str | None = None, progress: Progress | None = None) -> Fetched:
+def get(
+    entry: PublishedFile, folder: str | Path, sha256: str | None = None, progress: Progress | None = None
+) -> Fetched:
     """Make sure that a file is there and right.
 
     Args:
@@ -100,16 +126,16 @@ def get(entry: Published, folder: str | Path, sha256: str | None = None, progres
     return Fetched(target, result, trust, downloaded=True)
 
 
-def by_hand(entry: Published, folder: str | Path) -> str:
+def _by_hand(entry: PublishedFile, target: Path) -> str:
     """What to do on a machine without a network, in one line."""
     check = f"check that its SHA-256 is {entry.sha256}, " if entry.sha256 else ""
     return (
-        f"without a network: get {entry.urls[0]} elsewhere, {check}put it at {Path(folder) / entry.file}"
+        f"without a network: get {entry.urls[0]} elsewhere, {check}put it at {target}"
         " and run the same command, which verifies it"
     )
 
 
-def _expected(entry: Published, folder: Path, given: str | None) -> tuple[str | None, Trust]:
+def _expected(entry: PublishedFile, folder: Path, given: str | None) -> tuple[str | None, Trust]:
     """The hash a file must have, and its source."""
     recorded = _lock(folder).get(entry.file, {}).get("sha256")
     known: list[tuple[Trust, str]] = []
@@ -130,11 +156,11 @@ def _expected(entry: Published, folder: Path, given: str | None) -> tuple[str | 
     return known[0][1], known[0][0]
 
 
-def _problem(entry: Published, path: Path, found: str, expected: str | None) -> str | None:
+def _problem(entry: PublishedFile, path: Path, found: str, expected: str | None) -> str | None:
     """Why a complete file is not the published one, or None."""
     with path.open("rb") as file:
         start = file.read(32).lstrip().lower()
-    if start.startswith(_NO_WEIGHTS):
+    if start.startswith(_NO_FILE):
         return "a web page or a Git LFS pointer instead of the file"
     if expected is not None and found != expected:
         return f"SHA-256 is {found}, expected {expected}"
@@ -144,7 +170,7 @@ def _problem(entry: Published, path: Path, found: str, expected: str | None) -> 
     return None
 
 
-def _download_any(entry: Published, part: Path, target: Path, progress: Progress | None) -> str:
+def _download_any(entry: PublishedFile, part: Path, target: Path, progress: Progress | None) -> str:
     """Download from the first source that answers; returns its address."""
     part.parent.mkdir(parents=True, exist_ok=True)
     if part.is_file() and part.stat().st_size == entry.size_bytes:
@@ -166,7 +192,7 @@ def _download_any(entry: Published, part: Path, target: Path, progress: Progress
                 reason = error if isinstance(error, urllib.error.HTTPError) else getattr(error, "reason", error)
                 reasons.append(f"{urlsplit(url).netloc}: {reason}")
                 break
-    raise InputError(f"{target.name}: no source can be reached ({'; '.join(reasons)}); {by_hand(entry, target.parent)}")
+    raise InputError(f"{target.name}: no source can be reached ({'; '.join(reasons)}); {_by_hand(entry, target)}")
 
 
 def _download(url: str, part: Path, progress: Progress | None) -> None:
@@ -234,7 +260,7 @@ def _lock(folder: Path) -> dict[str, dict[str, str]]:
     return dict(read_json(path)) if path.is_file() else {}
 
 
-def _record(folder: Path, entry: Published, sha256: str, trust: Trust, source: str) -> None:
+def _record(folder: Path, entry: PublishedFile, sha256: str, trust: Trust, source: str) -> None:
     """Write the hash of a file without a published one into the lock file, once."""
     lock = _lock(folder)
     if entry.sha256 is None and entry.file not in lock:
