@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -37,6 +38,7 @@ def formula_ap(sigma_dn, motion_px):
     return 95.0 * np.exp(-np.asarray(sigma_dn, float) / 30.0) * np.exp(-((np.asarray(motion_px, float) / 14.0) ** 2))
 
 
+@functools.cache
 def performance() -> Performance:
     """`formula_ap` measured at the knots of the control surface."""
     mtf = motion_mtf(SIZES, REFERENCE, 0)[::-1]
@@ -48,6 +50,7 @@ def performance() -> Performance:
     return Performance(Surface(cells), REFERENCE, 0, float(SIZES[-1]))
 
 
+@functools.cache
 def darker_performance(bonus_percent: float) -> Performance:
     """`performance` beside one of frames at a mean level of 0.25 that are so many points better."""
     bright = performance()
@@ -58,6 +61,7 @@ def darker_performance(bonus_percent: float) -> Performance:
     return Performance(bright.surface, REFERENCE, 0, float(SIZES[-1]), 0.5, [dark])
 
 
+@functools.cache
 def performance_of_three_levels() -> Performance:
     """`performance` beside ones of darker frames, at 0.3 and 0.18, that were measured up to 20 DN, as by default."""
     bright = performance()
