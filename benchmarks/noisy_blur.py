@@ -5,8 +5,8 @@
 Frames of scikit-image's photographs, and of the datasets named (kinds of `pipeline.datasets`, e.g.
 ``kitti=kitti:data/raw/kitti``), are blurred whole by the discs and lines of Table I (``match="paper"``), with dark
 current shot noise behind the blur. The AMAE is that of Table I: of the robust median over a dataset's patches,
-percent, mean over sizes. Each half of the frames is estimated with the calibration to the sharp frames of the other
-half. A call holds the patches of one frame.
+percent, mean over sizes, with its 95 % interval over frames. Each half of the frames is estimated with the calibration
+to the sharp frames of the other half. A call holds the patches of one frame.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from benchmarks import common  # noqa: E402
 
 common.one_thread()
 
+from benchmarks import mean_amae  # noqa: E402
 from benchmarks.unseen_kernels import configuration, indexed  # noqa: E402
 from pipeline import blur  # noqa: E402
 from pipeline.camera.psf.bank import bank  # noqa: E402
@@ -51,12 +52,17 @@ def measure(config: Config, name: str, estimator: str, sigma_dn: float, patches:
     conditions = grid(bank(KINDS, seed=config.seed, match="paper"), [SOURCE], [sigma_dn])
     table = run(folded, conditions, [method], camera=config.camera, seed=config.seed)
     cells = table_one.summarise(table, config.seed, 0, calibrated=True)
-    means = cells.groupby("blur_kind")[["amae_percent", "patch_error_percent", "coverage"]].mean().round(4)
+    means = cells.groupby("blur_kind")[["amae_percent", "patch_error_percent", "coverage"]].mean()
+    for kind, rows in table.groupby("blur_kind"):
+        ends = mean_amae.interval_percent(rows, config.seed, (name, estimator, str(kind)))
+        means.loc[kind, ["amae_low_percent", "amae_high_percent"]] = ends
     return {
         "frames": len(work),
         "patches": sum(len(item.patches["mtf"]) for item in work),
         "abstained": int(cells["abstained"].sum()),
-        **{str(kind): {str(key): float(value) for key, value in row.items()} for kind, row in means.iterrows()},
+        **{
+            str(kind): {str(key): float(value) for key, value in row.items()} for kind, row in means.round(4).iterrows()
+        },
     }
 
 

@@ -39,7 +39,7 @@ common.one_thread()
 
 import numpy as np  # noqa: E402
 
-from benchmarks import rendered_psf  # noqa: E402
+from benchmarks import mean_amae, rendered_psf  # noqa: E402
 from benchmarks.noisy_blur import KINDS as NOISY_KINDS  # noqa: E402
 from benchmarks.noisy_blur import SOURCE as NOISE_SOURCE  # noqa: E402
 from benchmarks.noisy_blur import table_one_samples  # noqa: E402
@@ -85,14 +85,26 @@ def conditions(config: Config, kernels: Path | None) -> dict[str, tuple[Sequence
 
 
 def errors(name: str, table: pd.DataFrame, seed: int) -> dict[str, Any]:
-    """Mean errors over the cells of blurred frames: of Table I by kind and size, else by kind or by kernel."""
+    """Mean errors over the cells of blurred frames: of Table I by kind and size, else by kind or by kernel.
+
+    Those of the AMAE have their 95 % interval over frames.
+    """
     blurred = table[table["kernel"] != SHARP]
     if name == "optics":  # each kernel is a cell of its own
         blurred = blurred.assign(blur_kind=blurred["kernel"])
     cells = table_one.summarise(blurred, seed, 0, calibrated=True)
-    groups = {str(kind): part for kind, part in cells.groupby("blur_kind")} if name == "noisy" else {}
-    means = {kind: part[MEASURES].mean().round(4).to_dict() for kind, part in {"mean": cells, **groups}.items()}
-    return {"cells": len(cells), **means}
+    kinds = cells["blur_kind"].unique() if name == "noisy" else ()
+    parts = {"mean": (cells, blurred)}
+    parts |= {str(kind): tuple(rows[rows["blur_kind"] == kind] for rows in (cells, blurred)) for kind in kinds}
+    result: dict[str, Any] = {"cells": len(cells)}
+    for part, (means, rows) in parts.items():
+        purpose = (str(rows["dataset"].iloc[0]), str(rows["estimator"].iloc[0]), name, part)
+        ends = mean_amae.interval_percent(rows, seed, purpose)
+        ends_by_name = dict(zip(("amae_low_percent", "amae_high_percent"), ends, strict=True))
+        result[part] = {
+            key: round(float(value), 4) for key, value in (means[MEASURES].mean().to_dict() | ends_by_name).items()
+        }
+    return result
 
 
 @dataclass(frozen=True)
