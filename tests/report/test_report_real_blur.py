@@ -69,7 +69,10 @@ def test_strong_noise_is_shown_for_every_dataset_and_estimator(tables: dict[str,
     assert f"{record['sigma_dn']:g} DN" in tables["real_blur_strong_noise"].caption
     kitti = record["results"]["kitti"]["spectral"]
     row = next(row for row in rows if row["dataset"] == "KITTI" and str(row["estimator"]).startswith("Spectral"))
-    assert (row["defocus"], row["linear_motion"]) == tuple(kitti[kind]["amae_percent"] for kind in real_blur.KINDS)
+    for kind in real_blur.KINDS:
+        ends = [kitti[kind][f"amae_{end}percent"] for end in ("", "low_", "high_")]
+        assert [row[kind], row[f"{kind}_low"], row[f"{kind}_high"]] == ends
+        assert ends[1] < ends[0] < ends[2]
 
 
 def test_every_error_on_other_frames_is_shown(tables: dict[str, Table]) -> None:
@@ -89,6 +92,9 @@ def test_every_error_on_other_frames_is_shown(tables: dict[str, Table]) -> None:
                 row = rows.pop((*key, name))
                 shown = [row[measure] for measure in ("amae_percent", "patch_error_percent", "coverage_percent")]
                 assert shown == [part["amae_percent"], part["patch_error_percent"], 100 * part["coverage"]]
+                ends = [row["amae_percent_low"], row["amae_percent_high"]]
+                assert ends == [part["amae_low_percent"], part["amae_high_percent"]]
+                assert ends[0] < part["amae_percent"] < ends[1]
                 assert row["calibrated_frames"] == camera["calibrated_on"]["frames"]
     assert not rows
 

@@ -54,7 +54,9 @@ def strong_noise(record: Mapping[str, Any]) -> Table:
             kinds = {kind: about[kind] for kind in KINDS}
             row = {"dataset": dataset, "estimator": ESTIMATORS.get(estimator, word(estimator))}
             row |= {"patches": about["patches"]}
-            row |= {kind: one["amae_percent"] for kind, one in kinds.items()}
+            for kind, one in kinds.items():
+                row |= {kind: one["amae_percent"]}
+                row |= {f"{kind}_{end}": one[f"amae_{end}_percent"] for end in ("low", "high")}
             row |= {f"{kind}_patch": one["patch_error_percent"] for kind, one in kinds.items()}
             rows.append(row | {"coverage_percent": _mean_percent(one["coverage"] for one in kinds.values())})
     return PAGE.table("real_blur_strong_noise", rows, sigma=record["sigma_dn"])
