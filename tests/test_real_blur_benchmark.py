@@ -68,6 +68,11 @@ def test_shake_is_judged_by_the_measured_kernel(tmp_path: Path) -> None:
     pmp = [row["error_percent"]["pmp"] for row in record["photographs"]]
     assert record["summary"]["pmp"]["mean_percent"] == pytest.approx(np.mean(pmp), abs=1e-2)
     assert record["summary"]["pmp"]["greatest_percent"] == max(pmp)
+    # Both scenes have the same two kernels: resamples of kernels are one, the other, or both.
+    by_kernel = sorted(np.mean([pmp[0], pmp[2]]) + step * (np.mean([pmp[1], pmp[3]]) - np.mean([pmp[0], pmp[2]]))
+                       for step in (0, 1))  # fmt: skip
+    low, high = (record["summary"]["pmp"][f"{end}_percent"] for end in ("low", "high"))
+    assert 0 <= low <= by_kernel[0] + 1e-2 and high >= by_kernel[1] - 1e-2
 
 
 def test_one_scene_leaves_no_other_to_calibrate_to(tmp_path: Path) -> None:

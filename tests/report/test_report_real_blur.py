@@ -45,11 +45,15 @@ def test_a_record_is_shown_as_one_with_the_command_that_makes_it(name: str) -> N
 def test_every_photograph_and_the_means_over_them_are_shown(tables: dict[str, Table]) -> None:
     photographs = content("real_blur")["shake"]["photographs"]
     *rows, means = tables["real_blur_shake"].rows
+    known = content("real_blur")["shake"]["summary"]
     assert [(row["scene"], row["kernel"]) for row in rows] == [(one["scene"], one["kernel"]) for one in photographs]
     for name in ("fused_own", "fused_other", "spectral_own", "spectral_other", "pmp", "gbb", "null"):
-        shown = [row[name] for row in rows]
+        shown = [row[name].value for row in rows]
         assert shown == [one["error_percent"][name] for one in photographs]
-        assert means[name] == pytest.approx(np.mean(shown), abs=1e-3)
+        assert all(np.isnan([row[name].low, row[name].high]).all() for row in rows)
+        assert means[name].value == pytest.approx(np.mean(shown), abs=1e-3)
+        assert [means[name].low, means[name].high] == [known[name][f"{end}_percent"] for end in ("low", "high")]
+        assert means[name].low < means[name].value < means[name].high
 
 
 def test_differences_have_their_intervals(tables: dict[str, Table]) -> None:
@@ -70,9 +74,8 @@ def test_strong_noise_is_shown_for_every_dataset_and_estimator(tables: dict[str,
     kitti = record["results"]["kitti"]["spectral"]
     row = next(row for row in rows if row["dataset"] == "KITTI" and str(row["estimator"]).startswith("Spectral"))
     for kind in real_blur.KINDS:
-        ends = [kitti[kind][f"amae_{end}percent"] for end in ("", "low_", "high_")]
-        assert [row[kind], row[f"{kind}_low"], row[f"{kind}_high"]] == ends
-        assert ends[1] < ends[0] < ends[2]
+        value, low, high = (kitti[kind][f"amae_{end}percent"] for end in ("", "low_", "high_"))
+        assert row[kind] == Estimate(value, low, high) and low < value < high
 
 
 def test_every_error_on_other_frames_is_shown(tables: dict[str, Table]) -> None:
@@ -90,11 +93,10 @@ def test_every_error_on_other_frames_is_shown(tables: dict[str, Table]) -> None:
                 *([("Rendered optics", results["optics"]["mean"])] if "optics" in results else []),
             ):
                 row = rows.pop((*key, name))
-                shown = [row[measure] for measure in ("amae_percent", "patch_error_percent", "coverage_percent")]
-                assert shown == [part["amae_percent"], part["patch_error_percent"], 100 * part["coverage"]]
-                ends = [row["amae_percent_low"], row["amae_percent_high"]]
-                assert ends == [part["amae_low_percent"], part["amae_high_percent"]]
-                assert ends[0] < part["amae_percent"] < ends[1]
+                shown = [row[measure] for measure in ("patch_error_percent", "coverage_percent")]
+                assert shown == [part["patch_error_percent"], 100 * part["coverage"]]
+                value, low, high = (part[f"amae_{end}percent"] for end in ("", "low_", "high_"))
+                assert row["amae_percent"] == Estimate(value, low, high) and low < value < high
                 assert row["calibrated_frames"] == camera["calibrated_on"]["frames"]
     assert not rows
 

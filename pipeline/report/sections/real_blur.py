@@ -25,6 +25,7 @@ OTHER = Benchmark(
 )  # fmt: skip
 ESTIMATORS = {"spectral": "Spectral, camera-calibrated", "fused": "Fused, camera-calibrated"}
 KINDS = ("defocus", "linear_motion")
+ENDS = ("low", "high")
 KERNELS = {"paper": "kernels_paper", "generated": "kernels_generated"}
 
 
@@ -32,6 +33,7 @@ def shake(record: Mapping[str, Any]) -> Table:
     """Errors on every photograph blurred by camera shake, and their means."""
     rows = [{"scene": row["scene"], "kernel": row["kernel"], **row["error_percent"]} for row in record["photographs"]]
     means = {name: about["mean_percent"] for name, about in record["summary"].items()}
+    means |= {f"{name}_{end}": about[f"{end}_percent"] for name, about in record["summary"].items() for end in ENDS}
     return PAGE.table("real_blur_shake", [*rows, {"scene": "Mean", **means}])
 
 
@@ -56,7 +58,7 @@ def strong_noise(record: Mapping[str, Any]) -> Table:
             row |= {"patches": about["patches"]}
             for kind, one in kinds.items():
                 row |= {kind: one["amae_percent"]}
-                row |= {f"{kind}_{end}": one[f"amae_{end}_percent"] for end in ("low", "high")}
+                row |= {f"{kind}_{end}": one[f"amae_{end}_percent"] for end in ENDS}
             row |= {f"{kind}_patch": one["patch_error_percent"] for kind, one in kinds.items()}
             rows.append(row | {"coverage_percent": _mean_percent(one["coverage"] for one in kinds.values())})
     return PAGE.table("real_blur_strong_noise", rows, sigma=record["sigma_dn"])
