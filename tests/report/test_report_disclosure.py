@@ -123,7 +123,7 @@ def test_the_section_states_sizes_where_they_were_measured(tmp_path: Path) -> No
     assert (
         "AMAE is 2.0 % in the paper's order and encoded light and 3.0 % behind the optics and in linear light" in text
     )
-    assert "AP 20.0 and 30.0 % (means over motions of 0 and 11 px; intervals, over those above 0: order study)" in text
+    assert "AP 20.0 and 30.0 % (means over motions of 0 and 11 px, of AMAE the median over frames; " in text
     for task, network in (("Blur", "mtf_cnn"), ("Noise", "sigma_cnn")):
         curve = next(curve for curve in read(TRAINED.weights) if curve.name == network)
         released, share = training_budget.released_samples(curve), training_budget.percent_of(curve)

@@ -79,7 +79,7 @@ def test_the_gallery_crops_and_never_shrinks() -> None:
     assert np.array_equal(shown, picture_in[top : top + side, left : left + side])
 
 
-def test_effects_measure_what_was_added_and_show_gaps() -> None:
+def test_effects_measure_what_is_present_after_clipping_and_show_gaps() -> None:
     clean = np.full((32, 32), 0.5, np.float32)
     noisy = clean + stream(0, "effects").normal(scale=5 / 255, size=clean.shape).astype(np.float32)
     entries = [
@@ -88,8 +88,9 @@ def test_effects_measure_what_was_added_and_show_gaps() -> None:
         {"array": "clean", "noise_source": "dcsn", "target_sigma_dn": 0},
     ]
     drawing = formation.effects({"clean": clean, "noisy": noisy}, entries)
-    added = drawing.values.set_index(["noise_source", "target_sigma_dn"])["added_std_dn"]
-    assert added["photon", 5.0] == pytest.approx(5.0, rel=0.1)
+    present = drawing.values.set_index(["noise_source", "target_sigma_dn"])["present_std_dn"]
+    assert present["photon", 5.0] == pytest.approx(5.0, rel=0.1)
+    assert f"{present['photon', 5.0]:.1f} DN present" in [axes.get_xlabel() for axes in drawing.figure.axes]
     assert any(text.get_text() == "not run" for axes in drawing.figure.axes for text in axes.texts)
 
 

@@ -64,7 +64,7 @@ def chain(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any]]
 
 
 def effects(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any]]) -> style.Drawing:
-    """Noise sources down, levels across; beneath each patch the standard deviation added to this part of the frame.
+    """Noise sources down, levels across; beneath each patch the standard deviation present in this part of the frame.
 
     ``entries`` are ``{"array", "noise_source", "target_sigma_dn"}``; ``arrays`` are (H, W), uint8 or float in [0, 1].
     """
@@ -85,10 +85,10 @@ def effects(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any
             continue
         style.picture(spot, picture)
         clean = crops.get((noise_source, 0.0))
-        added = float("nan") if clean is None or clean.shape != picture.shape else float((picture - clean).std())
-        if level > 0 and np.isfinite(added):
-            spot.set_xlabel(f"{added:.1f} DN added", fontsize=5.8, labelpad=1.5)
-        numbers = {"mean_dn": picture.mean(), "added_std_dn": added}
+        present = float("nan") if clean is None or clean.shape != picture.shape else float((picture - clean).std())
+        if level > 0 and np.isfinite(present):
+            spot.set_xlabel(f"{present:.1f} DN present", fontsize=5.8, labelpad=1.5)
+        numbers = {"mean_dn": picture.mean(), "present_std_dn": present}
         rows.append({"noise_source": noise_source, "target_sigma_dn": level, **numbers})
     shown = listing(f"{level:g}" for level in levels)
     alt = PAGE.alt("formation_effects", [{"noise_source": name} for name in sources], levels=shown)
