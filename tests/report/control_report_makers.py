@@ -91,7 +91,8 @@ def make_examples(root: Path, precision: tuple[float, float, float] = (30.0, 50.
     ]  # fmt: skip
     store.write_table(folder / "steps.parquet", pd.DataFrame(steps), EXAMPLE_STEPS)
     paper = pd.read_csv(PAPER / "controller_response.csv")
-    shift = np.where((paper["controller"] == "camera_default") & (paper["quantity"] == "exposure_ms"), 0.03, 0.0)
+    off = np.where(paper["time_ms"] > 4700, 0.2, 0.03)
+    shift = np.where((paper["controller"] == "camera_default") & (paper["quantity"] == "exposure_ms"), off, 0.0)
     store.write_table(folder / "response.parquet", paper.assign(value=paper["value"] + shift), RESPONSE)
     controllers = ("camera_default", "fixed_parameters", "proposed")
     table = pd.DataFrame({"controller": controllers, "car_ap_percent": precision})

@@ -122,18 +122,25 @@ def response(ours: pd.DataFrame, paper: pd.DataFrame, precision: pd.DataFrame, t
         {"controller": CONTROLLERS[row["controller"]], "ours": row["car_ap_percent"], "paper": theirs_of}
         for row in shown if np.isfinite(theirs_of := row["car_ap_percent_paper"])
     ]  # fmt: skip
-    alt = CONTROL.alt("control_response", words, error=rmse_ms(ours, paper), until_s=LAST_ON_GRID_MS / 1e3)
+    alt = CONTROL.alt("control_response", words, **law_errors(ours, paper))
     keys = ["controller", "quantity", "time_ms"]
     merged = ours.merge(paper, on=keys, how="outer", suffixes=("", "_paper"))
     return style.Drawing(figure, alt, merged.sort_values(keys))
 
 
-def rmse_ms(ours: pd.DataFrame, paper: pd.DataFrame) -> float:
-    """Root mean square difference of the built-in controller's exposure time to the published one, ms."""
-    keys = ["controller", "quantity", "time_ms"]
-    both = ours.merge(paper, on=keys, suffixes=("", "_paper"))
-    selected = where(both[both["time_ms"] <= LAST_ON_GRID_MS], controller="camera_default", quantity="exposure_ms")
-    return float(np.sqrt(((selected["value"] - selected["value_paper"]) ** 2).mean()))
+def law_errors(ours: pd.DataFrame, paper: pd.DataFrame) -> dict[str, float]:
+    """How far the built-in controller's exposure time is from the published one.
+
+    Returns:
+        ``error``: root mean square difference until ``until_s``, ms; ``after``: largest difference after it, ms.
+    """
+    both = ours.merge(paper, on=["controller", "quantity", "time_ms"], suffixes=("", "_paper"))
+    both = where(both, controller="camera_default", quantity="exposure_ms")
+    difference, on_grid = both["value"] - both["value_paper"], both["time_ms"] <= LAST_ON_GRID_MS
+    return {
+        "error": float(np.sqrt((difference[on_grid] ** 2).mean())), "until_s": LAST_ON_GRID_MS / 1e3,
+        "after": float(difference[~on_grid].abs().max()),
+    }  # fmt: skip
 
 
 def blocks(inputs: ReportInputs) -> tuple[list[Block], list[str]]:
@@ -160,8 +167,8 @@ def _findings(ours: pd.DataFrame, paper: pd.DataFrame, precision: pd.DataFrame) 
     values = [float(precision.loc[precision["controller"] == name, "car_ap_percent"].iloc[0]) for name in CONTROLLERS]
     holds = values[0] < values[1] < values[2]
     order = (" < " if holds else ", ").join(f"{value:.1f}" for value in values)
-    error = rmse_ms(ours, paper)
+    errors = law_errors(ours, paper)
     return [
         CONTROL.text("order", order=order, are="are" if holds else "are not"),
-        CONTROL.text("law", error=error, within="within" if error <= AGREE_MS else "beyond", bound=AGREE_MS),
+        CONTROL.text("law", **errors, within="within" if errors["error"] <= AGREE_MS else "beyond", bound=AGREE_MS),
     ]
