@@ -226,6 +226,7 @@ def test_example_pictures_carry_scores_and_settings(inputs: ReportInputs) -> Non
     blocks, findings = control_examples.blocks(inputs)
     one, two = (block for block in blocks if isinstance(block, Figure) and "example" in block.name)
     assert "ISO 200) missed" in one.drawing.alt and "score 0.50" in one.drawing.alt
+    assert "nothing moves (as bright as taken)" in one.drawing.alt  # not at the settings of a frame a quarter as bright
     assert two.drawing.values is not None
     assert list(two.drawing.values["step"]) == [
         "initial",
@@ -255,6 +256,8 @@ def test_the_paper_stands_beside_the_steps(section: Section) -> None:
     sigma, iso = row["sigma_dn"], row["iso"]
     assert isinstance(sigma, Estimate) and sigma.reference == 20.0
     assert isinstance(iso, Estimate) and iso.value == 200.0 and iso.reference == 400.0
+    reference = next(row for row in _table(section, "control_examples").rows if row["step"].startswith("reference"))
+    assert isinstance(reference["iso"], Estimate) and np.isnan(reference["iso"].value)
 
 
 def test_the_surface_names_knots_that_rise(tmp_path: Path, section: Section) -> None:

@@ -66,6 +66,7 @@ def pictures(
         if entry["box"] is not None:
             style.outline(panel, entry["box"], edgecolor=style.PALETTE[5], linewidth=1.1)
         settings = f"{format_number(row['exposure_ms'], 1)} ms, ISO {row['iso']:.0f}"
+        settings = settings if np.isfinite(row["iso"]) else "as bright as taken"
         title = step_word(entry["step"])
         panel.set_title(f"{title[:1].upper()}{title[1:]}\n{settings}", fontsize=6.6, pad=3)
         score = "missed" if entry["box"] is None else f"score {entry['score']:.2f}"
@@ -149,6 +150,8 @@ def blocks(inputs: ReportInputs) -> tuple[list[Block], list[str]]:
     steps = optional(folder, "steps.parquet", EXAMPLE_STEPS)
     if steps is None:
         return [], []
+    # As bright as the frame taken, the reference is of no settings: at those stored it would be a quarter as bright.
+    steps = steps.assign(**steps[["exposure_ms", "iso"]].where(steps["step"] != "reference"))
     parts: list[Block] = []
     arrays, about = optional(folder, "pictures.npz"), described(folder, "pictures.json", ("label", "box", "steps"))
     if arrays is not None and about is not None:
