@@ -30,11 +30,14 @@ def _networks(inputs: ReportInputs) -> list[str]:
 
 def _upright(inputs: ReportInputs) -> str:
     """The upright prior, and what leaving it out does."""
-    base, isotropic = (optional(inputs.ablation, f"{name}.json") for name in ("base", "isotropic"))
+    base, isotropic, seed = (optional(inputs.ablation, f"{name}.json") for name in ("base", "isotropic", "seed_2"))
     if base is None or isotropic is None:
         return PAGE.text("upright")
     with_prior, without = (format_number(one["mtf_error_percent"], 2) for one in (base, isotropic))
-    return " ".join([PAGE.text("upright"), PAGE.text("without_upright", with_prior=with_prior, without=without)])
+    text = [PAGE.text("upright"), PAGE.text("without_upright", with_prior=with_prior, without=without)]
+    if seed is not None:
+        text.append(PAGE.text("another_seed", error=format_number(seed["mtf_error_percent"], 2)))
+    return " ".join(text)
 
 
 def _light(inputs: ReportInputs) -> str:
