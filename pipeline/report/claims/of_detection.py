@@ -109,7 +109,7 @@ def _regression(evidence: Evidence) -> Measurement | None:
     r2 = pd.Series([value for _, value in fits])
     text = (
         f"Unweighted R² of {counted(len(r2), 'fit')}: {r2.min():.3f} to {r2.max():.3f}; {(r2 >= bound).sum()} of them "
-        f"as high as the paper's {bound:.3f}, unweighted too. Without an interval R² decides nothing."
+        f"as high as the lower of the paper's two, {bound:.3f}, unweighted too. Without an interval R² decides nothing."
     )
     return Measurement(text, claim.UNDECIDED, on=claim.names_of(dataset for dataset, _ in fits))
 
