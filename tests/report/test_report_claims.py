@@ -240,6 +240,7 @@ def test_an_unweighted_r2_stands_beside_the_papers_and_decides_nothing() -> None
     r2 = fit(fitted["iso"], fitted["exposure_ms"], fitted["ap_percent"], terms=["c1", "c2", "c3"]).r2
     assert measured is not None and measured.verdict == UNDECIDED
     assert measured.text.startswith(f"Unweighted R² of 1 fit: {r2:.3f} to {r2:.3f}; ") and "0.123" not in measured.text
+    assert "the lower of the paper's two, 0.960" in measured.text
 
 
 @pytest.mark.parametrize(("miss", "verdict"), [(0.06, CONSISTENT), (0.2, CONTRADICTED)])
