@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.statistics import Robust, robust
+from pipeline.cluster_intervals import bias_corrected, resamples
+from pipeline.statistics import Robust, inliers, robust
 from pipeline.streams import stream
 
 if TYPE_CHECKING:
     import pandas as pd
 
+DRAWS = 500
+"""Resamples of a bootstrap."""
+
 
 def robust_by(table: pd.DataFrame, by: Sequence[str], value: str, seed: int, purpose: str, part: str) -> pd.DataFrame:
-    """`robust` of each group of rows.
+    """`robust` of each group of rows, with the interval of `pipeline.cluster_intervals`: each row is of another frame.
 
     Args:
         table: long table.
@@ -36,8 +40,14 @@ def robust_by(table: pd.DataFrame, by: Sequence[str], value: str, seed: int, pur
     groups: Any = table.groupby(list(by), sort=False, dropna=False)
     for key, group in groups:
         parts = (None if pd.isna(name) else name for name in key)  # streams have no key part NaN or NA
-        result = robust(group[value], stream(seed, purpose, part, *parts))
-        rows.append(dict(zip(by, key, strict=True)) | asdict(result))
+        generator = stream(seed, purpose, part, *parts)
+        result, known = robust(group[value], generator, 1), group[value].dropna().to_numpy(float)
+        low = high = math.nan
+        if len(known) > 1:
+            medians = [np.median(drawn[inliers(drawn)]) for drawn in known[resamples(len(known), DRAWS, generator)]]
+            least = 0.0 if known.min() >= 0 else -math.inf  # what is never negative, such as a share of the pixels
+            low, high = bias_corrected(np.array(medians), result.median, len(known), (least, math.inf))
+        rows.append(dict(zip(by, key, strict=True)) | asdict(replace(result, low=low, high=high)))
     return pd.DataFrame(rows, columns=[*by, *Robust.__dataclass_fields__])
 
 
