@@ -27,8 +27,9 @@ def headline(metrics: Path, ledger: Mapping[str, Any], members: Mapping[str, Col
 
     Returns:
         by quantity: mean error of every blur estimator (calibrated, percent) and noise estimator (DN) per dataset,
-        average precision of every detector (percent), R squared of the regressions, average precision of every policy
-        (percent, mean over the scenarios, of those that drive in all of them), and the ledger's counts.
+        average precision of every detector (percent), clean and as the mean over all conditions, R squared of the
+        regressions, average precision of every policy (percent, mean over the scenarios, of those that drive in all of
+        them), and the ledger's counts.
 
     Raises:
         InputError: a file of metrics is damaged.
@@ -40,7 +41,7 @@ def headline(metrics: Path, ledger: Mapping[str, Any], members: Mapping[str, Col
         "blur_amae_percent": _of_each(blur, _blur_error),
         "noise_error_dn": _of_each(noise, _noise_error),
         "ap_percent": _of_each(curves, lambda part: _of_labels(part, "clean_ap_percent")),
-        "corrupted_ap_percent": _of_each(curves, lambda part: _of_labels(part, "mean_ap_percent")),
+        "mean_ap_percent": _of_each(curves, lambda part: _of_labels(part, "mean_ap_percent")),
         "regression_r2": _of_each(regression, lambda part: _of_labels(part, "r2")),
         "control_ap_percent": _policies(closed_loop.values()),
         "ledger": {key: ledger[key] for key in LEDGER_KEYS if key in ledger},
