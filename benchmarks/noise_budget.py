@@ -117,7 +117,7 @@ def measure(dataset: Dataset, frames: int) -> Iterator[tuple[str, str, FrameBudg
 
 def of_raw(folder: Path) -> dict[str, list[FrameBudget]]:
     """Budgets of the planes of raw frames, by what is assumed of their sensor."""
-    sensor, pattern = measured_sensor(RECORD)
+    sensor, pattern, black_dn = measured_sensor(RECORD)
     camera, estimator = Camera(sensor, gamma=1.0, adc_bits=8), noise.create(noise.DEFAULT)
     assumed: dict[str, tuple[float, float]] = {
         "as recorded": (1.0, pattern), "without pattern": (1.0, 0.0), "gain x 2": (2.0, 0.0),
@@ -129,7 +129,7 @@ def of_raw(folder: Path) -> dict[str, list[FrameBudget]]:
             image = emva1288.plane(pixels, plane)
             state = noise_of_frame(estimator, image)
             for name, (gain, fraction) in assumed.items():
-                results[name].append(noise_budget(image, state, camera, frame.exposure_s, gain, fraction))
+                results[name].append(noise_budget(image, state, camera, frame.exposure_s, gain, fraction, black_dn))
     return results
 
 

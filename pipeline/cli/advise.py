@@ -72,7 +72,7 @@ def command(
         raise InputError(f"--exposure-max {exposure_max}: expected at least {shortest}, the shortest time advised")
     stored = None if camera_name is None else camera_store.load(camera_name)
     limits = Limits(exposure_max_s=exposure_max_s, gain_max=iso_max / BASE_ISO)
-    camera = ControlledCamera(limits, Camera(sensor_of(sensor)[0]))
+    camera = ControlledCamera(limits, Camera(sensor_of(sensor).sensor))
     files = expand(paths)
     performance, without = find_surface(surface)
     if performance is None:

@@ -63,13 +63,18 @@ CHANGES = {
     help="fixed pattern, percent of the light (EMVA 1288); that of a recorded sensor, else 0, if left out",
 )  # fmt: skip
 @click.option(
+    "--black-dn", type=FiniteRange(0, 254),
+    help="grey level without light, 0 to 254; that of a recorded sensor for linear pictures, else 0, if left out",
+)  # fmt: skip
+@click.option(
     "--alarm-frames", type=click.IntRange(1),
     help="exit code 3 where as many frames in a row have more, or less, noise than the sensor explains",
 )  # fmt: skip
 @codec_option
 def command(
     paths: tuple[Path, ...], sensor: str, exposure: str | None, iso: float | None, base_iso: float, gamma: float,
-    bits: int, temperature: float | None, prnu_percent: float | None, alarm_frames: int | None, codec: str | None,
+    bits: int, temperature: float | None, prnu_percent: float | None, black_dn: float | None,
+    alarm_frames: int | None, codec: str | None,
 ) -> None:  # fmt: skip
     """Compare the noise of PATHS with what their sensor explains: pictures, videos, or folders of them.
 
@@ -102,9 +107,11 @@ def command(
             "leave it out"
         )
     kelvin = RECORDED_K if temperature is None else temperature + ZERO_CELSIUS_K
-    model, pattern = sensor_of(sensor)
-    pattern = pattern if prnu_percent is None else prnu_percent / 100.0
-    camera = Camera(model, gamma=gamma, temperature_k=kelvin, adc_bits=bits)
+    known_sensor = sensor_of(sensor)
+    pattern = known_sensor.pattern_fraction if prnu_percent is None else prnu_percent / 100.0
+    if black_dn is None:  # what a camera puts a tone curve on has no black level left
+        black_dn = known_sensor.black_dn if gamma == 1.0 else 0.0
+    camera = Camera(known_sensor.sensor, gamma=gamma, temperature_k=kelvin, adc_bits=bits)
     files, estimator = expand(paths), noise.create(noise.DEFAULT)
     hinted, set_aside, verdicts = Counter[int](), SetAside(), list[str]()
     for path, exposure_s, known_iso in with_settings(files, exposure, iso, set_aside):
@@ -115,7 +122,7 @@ def command(
                     raise InputError(problem)
                 known = coding.or_by(codec or "")
                 state = noise_of_frame(estimator, image, codec=known.codec, quantiser=known.quantiser)
-                budget = noise_budget(image, state, camera, exposure_s, gain, pattern)
+                budget = noise_budget(image, state, camera, exposure_s, gain, pattern, black_dn)
             except InputError as error:
                 set_aside.add(name, error)
                 continue

@@ -115,6 +115,7 @@ def noise_budget(
     exposure_s: float,
     gain: float,
     pattern_fraction: float = 0.0,
+    black_dn: float = 0.0,
 ) -> FrameBudget:
     """The noise budget of a frame.
 
@@ -126,6 +127,7 @@ def noise_budget(
         gain: ISO / base ISO, at least 1.
         pattern_fraction: standard deviation of what pixels differ by in every frame, as a fraction of the light: the
             photo response non-uniformity (PRNU) of EMVA 1288.
+        black_dn: grey level of no light, 0 to below 255 DN, as of raw frames that it has not been subtracted from.
 
     Raises:
         InputError: settings out of range, or a frame that does not hold the tiles.
@@ -134,6 +136,8 @@ def noise_budget(
     check_base_gain("gain", gain)
     if not 0.0 <= pattern_fraction < 1.0:
         raise InputError(f"pattern_fraction is a fraction of the light, 0 to below 1, got {pattern_fraction!r}")
+    if not 0.0 <= black_dn < FULL_SCALE_DN:
+        raise InputError(f"black_dn is a grey level of 0 to below {FULL_SCALE_DN:g} DN, got {black_dn!r}")
     picture = np.asarray(as_array(image), dtype=np.float32)
     if picture.ndim != 2 or any(
         patch.x_px + patch.size_px > picture.shape[1] or patch.y_px + patch.size_px > picture.shape[0]
@@ -144,9 +148,13 @@ def noise_budget(
         return _unknown(f"noise has no estimate{_most_common(noise.estimate.reason)}")
     if noise.correlation > PROCESSED_CORRELATION:
         return _unknown(f"the camera has processed the noise (adjacent pixels correlate by {noise.correlation:.2f})")
-    levels = level_variances(camera, exposure_s, gain, pattern_fraction)
-    light = (_GREY / camera.gamma) ** 2  # of a fixed pattern as strong as the light, behind the curve
-    means = tile_means(picture, noise.patches, np.vstack([levels, light]), unclipped(camera, exposure_s, gain))
+    grey = picture * np.float32(FULL_SCALE_DN)
+    is_8_bit = bool(np.allclose(grey, np.rint(grey), rtol=0.0, atol=1e-3))
+    levels = level_variances(camera, exposure_s, gain, pattern_fraction, black_dn, is_8_bit=is_8_bit)
+    # of a fixed pattern as strong as the light, behind the curve
+    light = (np.maximum(_GREY - black_dn, 0.0) / camera.gamma) ** 2
+    readable = unclipped(camera, exposure_s, gain, black_dn)
+    means = tile_means(picture, noise.patches, np.vstack([levels, light]), readable)
     variance, pattern = means[:, :-1], means[:, -1]
     expected = np.sqrt(variance.sum(axis=1))
     counts = inliers(noise.estimate.sigma_dn / expected)
@@ -200,7 +208,15 @@ def _unknown(reason: str) -> FrameBudget:
     return FrameBudget(nan, nan, nan, nan, nan, {}, 0, "unknown", reason)
 
 
-def level_variances(camera: Camera, exposure_s: float, gain: float, pattern_fraction: float) -> Floats:
+def level_variances(
+    camera: Camera,
+    exposure_s: float,
+    gain: float,
+    pattern_fraction: float,
+    black_dn: float = 0.0,
+    *,
+    is_8_bit: bool = True,
+) -> Floats:
     """Variance of each source in `SOURCES` at the grey levels 0..255 behind the tone curve.
 
     Args:
@@ -208,30 +224,36 @@ def level_variances(camera: Camera, exposure_s: float, gain: float, pattern_frac
         exposure_s: exposure time, s.
         gain: ISO / base ISO.
         pattern_fraction: see `noise_budget`.
+        black_dn: see `noise_budget`.
+        is_8_bit: whether the picture has whole grey levels.
 
     Returns:
-        (5, 256) DN squared. Rounding is that of the converter, and that to 8 bit where the converter's steps are finer
-        or a curve follows.
+        (5, 256) DN squared. Rounding is that of the converter, and of a picture of 8 bits that to these where the
+        converter's steps are finer or a curve follows.
     """
-    level = _GREY / FULL_SCALE_DN
-    linear = decode(level, camera.gamma)
+    linear, span_dn = _light(camera, black_dn), FULL_SCALE_DN - black_dn
     budget = camera.budget(linear * FULL_SCALE_DN / (camera.sensor.dn_per_electron * gain), gain, exposure_s)
     pattern = pattern_fraction * FULL_SCALE_DN * linear
     parts = (budget.shot, budget.dark, budget.read, pattern, budget.rounding)
-    before = np.stack([np.broadcast_to(np.asarray(part), level.shape) ** 2 for part in parts])
+    before = np.stack([np.broadcast_to(np.asarray(part), linear.shape) ** 2 for part in parts])
     total = before.sum(axis=0)
-    after = (FULL_SCALE_DN * noise_after_curve(linear, np.sqrt(total) / FULL_SCALE_DN, camera.gamma)) ** 2
+    after = (span_dn * noise_after_curve(linear, np.sqrt(total) / FULL_SCALE_DN, camera.gamma)) ** 2
     variances = before / total * after
-    if camera.adc_bits > 8 or camera.gamma != 1.0:
+    if is_8_bit and (camera.adc_bits > 8 or camera.gamma != 1.0):
         variances[-1] += 1.0 / 12.0
     return variances
 
 
-def unclipped(camera: Camera, exposure_s: float, gain: float) -> NDArray[np.bool_]:
+def unclipped(camera: Camera, exposure_s: float, gain: float, black_dn: float) -> NDArray[np.bool_]:
     """(256,) grey levels behind the tone curve whose expected noise black and white do not clip."""
-    linear = decode(_GREY / FULL_SCALE_DN, camera.gamma)
+    linear = _light(camera, black_dn)
     reach = _CLIPPED_SIGMAS * camera.linear_sigma_dn(linear, gain, exposure_s) / FULL_SCALE_DN
     return np.asarray((linear > reach) & (linear < 1.0 - reach))
+
+
+def _light(camera: Camera, black_dn: float) -> Floats:
+    """(256,) light, 0..1, of the grey levels 0..255 behind the tone curve."""
+    return np.asarray(decode(np.maximum(_GREY - black_dn, 0.0) / (FULL_SCALE_DN - black_dn), camera.gamma))
 
 
 def tile_means(

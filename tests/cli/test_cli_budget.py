@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner, Result
 
@@ -18,6 +20,7 @@ from pipeline.camera.tone_curve import decode
 from pipeline.cli import main
 from pipeline.cli.budget import longest_run, words
 from pipeline.condition.noise_budget import FrameBudget
+from pipeline.experiments.real_noise_records import DARK_FILE
 from pipeline.streams import stream
 
 RECORD = Path(__file__).resolve().parents[2] / "reports/recorded/real-sensor"
@@ -82,6 +85,19 @@ def test_a_recorded_sensor_brings_its_pattern_and_its_temperature(tmp_path: Path
     assert recorded["pattern_fraction"] > 0.2 and corrected["pattern_fraction"] == 0.0
     refused = call(file, *settings, "--temperature", 20)
     assert refused.exit_code == 2 and "--temperature 20" in refused.output and len(refused.output.splitlines()) == 1
+
+
+def test_linear_pictures_of_a_recorded_sensor_have_its_black_level(tmp_path: Path):
+    file, record = save(tmp_path / "a.png"), tmp_path / "record"
+    shutil.copytree(RECORD, record)
+    dark = pd.read_csv(record / DARK_FILE)
+    dark.assign(offset_dn=20.0, zero_fraction=0.0).to_csv(record / DARK_FILE, index=False)
+    settings = (file, "--exposure", "8ms", "--iso", "100", "--sensor", record, "--gamma")
+    recorded, none = (rows(call(*settings, 1, *more))[0]["expected_dn"] for more in ([], ["--black-dn", 0]))
+    assert recorded < 0.95 * none
+    developed, same = (rows(call(*settings, 2.2, *more))[0]["expected_dn"] for more in ([], ["--black-dn", 0]))
+    assert developed == same
+    assert call(*settings, 1, "--black-dn", 255).exit_code == 2
 
 
 def test_what_is_unknown_is_null_and_says_why(tmp_path: Path):

@@ -70,6 +70,26 @@ def test_levels_follow_photon_transfer():
         assert variance[20:200] == pytest.approx(formula * np.ones(180), rel=0.01), source
     coarse = level_variances(replace(linear, adc_bits=8), 0.5, GAIN, 0.0)
     assert coarse[-1, 100] == pytest.approx(1.0 / 12.0, rel=0.01)  # rounded once
+    fine = level_variances(linear, 0.5, GAIN, 0.0, is_8_bit=False)
+    assert fine[-1, 100] == pytest.approx((255.0 / 4095.0) ** 2 / 12.0, rel=0.01)  # by the converter only
+
+
+def test_the_black_level_of_raw_frames_is_no_light():
+    """Light x well / gain electrons at 16 + 239 x DN, whatever the black level adds."""
+    camera, black_dn = replace(CAMERA, gamma=1.0), 16.0
+    light = 0.03 + 0.2 * scene()
+    electrons = stream(5, "raw").poisson(light * camera.sensor.full_well_e / GAIN)
+    read_e = camera.sensor.at_gain(GAIN).readout_sigma_e(camera.temperature_k)
+    charge = electrons + read_e * stream(6, "raw").standard_normal(light.shape)
+    grey_dn = black_dn + (255.0 - black_dn) * charge * GAIN / camera.sensor.full_well_e
+    image = np.rint(grey_dn * 257.0).astype(np.float32) / np.float32(65535)
+    state = noise_of_frame(estimator(), image)
+    known, ignored = (noise_budget(image, state, camera, EXPOSURE_S, GAIN, black_dn=level) for level in (black_dn, 0.0))
+    assert known.verdict == "agrees" and known.ratio == pytest.approx(1.0, abs=0.08)
+    shot, read = (light.mean() * camera.sensor.full_well_e / GAIN, read_e**2)
+    assert known.shares["readout"] == pytest.approx(read / (shot + read), rel=0.2)
+    assert known.shares["rounding"] < 0.01
+    assert ignored.ratio < 0.9
 
 
 def test_a_frame_of_the_sensor_agrees_with_it_and_names_its_sources():
@@ -141,6 +161,7 @@ def test_what_cannot_be_compared_is_refused():
         ({"exposure_s": 0.0}, "exposure_s"),
         ({"gain": 0.5}, "gain"),
         ({"pattern_fraction": -0.1}, "pattern_fraction"),
+        ({"black_dn": 255.0}, "black_dn"),
         ({"image": picture("small", 100, 100) / 255.0}, "does not hold"),
     ):
         values: dict[str, Any] = {"image": image, "exposure_s": EXPOSURE_S, "gain": GAIN} | options
