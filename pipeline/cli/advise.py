@@ -23,6 +23,10 @@ from pipeline.errors import InputError, printable
 @click.option(
     "--sensor", default="paper", show_default=True, help="for predicting noise: preset, or record of a sensor"
 )
+@click.option(
+    "--base-iso", default=100.0, show_default=True, type=FiniteRange(1, 1_000_000),
+    help="ISO at which the sensor's constants hold: the lowest, or that of the recorded raw frames",
+)  # fmt: skip
 @click.option("--exposure-max", default="33ms", show_default=True, help="longest exposure time allowed")
 @click.option(
     "--iso-max", default=3200.0, show_default=True, type=FiniteRange(100, 1_000_000), help="highest ISO allowed"
@@ -32,7 +36,7 @@ from pipeline.errors import InputError, printable
 @click.option("--surface", type=GivenPath(), help="of average precision; by default data/control_surface/all.npz")
 def command(
     paths: tuple[Path, ...], exposure: str | None, iso: float | None, speed: float | None, sensor: str,
-    exposure_max: str, iso_max: float, camera_name: str | None, codec: str | None,
+    base_iso: float, exposure_max: str, iso_max: float, camera_name: str | None, codec: str | None,
     surface: Path | None,
 ) -> None:  # fmt: skip
     """Advise exposure time and gain for PATHS: pictures, videos, or folders of them.
@@ -49,6 +53,7 @@ def command(
     Exit codes: 0 done; 2 if a file could not be used; 130 interrupted.
     """
     from collections import Counter
+    from dataclasses import replace
 
     from pipeline.camera.exposure import Camera
     from pipeline.cli import camera_store
@@ -72,7 +77,10 @@ def command(
         raise InputError(f"--exposure-max {exposure_max}: expected at least {shortest}, the shortest time advised")
     stored = None if camera_name is None else camera_store.load(camera_name)
     limits = Limits(exposure_max_s=exposure_max_s, gain_max=iso_max / BASE_ISO)
-    camera = ControlledCamera(limits, Camera(sensor_of(sensor).sensor))
+    model = sensor_of(sensor).sensor
+    well_e, after_e = (each * base_iso / BASE_ISO for each in (model.full_well_e, model.read_noise_after_gain_e))
+    model = replace(model, full_well_e=well_e, read_noise_after_gain_e=after_e)  # gain 1 is ISO 100 below
+    camera = ControlledCamera(limits, Camera(model))
     files = expand(paths)
     performance, without = find_surface(surface)
     if performance is None:

@@ -11,10 +11,13 @@ from click.testing import CliRunner
 from control_makers import performance
 from PIL import Image, ImageFilter
 
+from pipeline.camera import sensor as sensors
+from pipeline.camera.exposure import Camera
 from pipeline.cli import main
 from pipeline.cli.advise import command
 from pipeline.cli.shot_settings import exif, seconds, shot_settings
 from pipeline.condition import ConditionMonitor
+from pipeline.control import advice
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
@@ -68,6 +71,23 @@ def test_advise_answers_in_json(tmp_path):
     assert row["motion_px"] == pytest.approx(1.52) and row["exposure_ms"] == 2.0 and row["iso"] == 800.0
     assert 100 <= row["best_iso"] <= 3200 and row["reason"]
     assert row["action"] == "move" and 0 < row["best_ap_percent"] <= 100 and row["low_percent"] <= row["ap_percent"]
+
+
+@pytest.mark.parametrize("name", ["imx255", "automotive_3um"])
+def test_the_constants_of_a_sensor_hold_at_its_base_iso(tmp_path, monkeypatch, name):
+    """A frame at ISO 800 has the noise of one at gain 2 where the constants are of ISO 400."""
+    write_inputs(tmp_path)
+    whole, cameras = advice.advise, []
+    monkeypatch.setattr(
+        advice, "advise", lambda image, state, camera, *rest, **named: cameras.append(camera) or whole(
+            image, state, camera, *rest, **named
+        )
+    )  # fmt: skip
+    given = [str(tmp_path / "frame.png"), "--exposure", "8ms", "--iso", "800", "--speed", "760", "--sensor", name]
+    given += ["--surface", str(tmp_path / "surface.npz"), "--base-iso", "400"]
+    assert CliRunner().invoke(command, given).exit_code == 0
+    at_gain_2 = Camera(sensors.named(name)).sigma_dn_at(0.2, 2.0, 0.008)
+    assert cameras[0].formation.sigma_dn_at(0.2, 8.0, 0.008) == pytest.approx(at_gain_2)
 
 
 def test_the_lens_of_a_calibrated_camera_is_no_motion(tmp_path, monkeypatch):
