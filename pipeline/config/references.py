@@ -1,15 +1,16 @@
-"""Names and paths in the configuration that stand for something else: checked when it is compiled, not hours later.
+"""What the configuration stands for, names, paths, scenarios: checked when it is compiled, not hours later.
 
 The schema knows types and ranges. Whether an estimator of that name is registered, an option taken by
-its class, or a folder there, is checked here. Classes are looked up in the registries, which are imported by name only
-when this check runs.
+its class, a folder there, or a scenario one that can be driven, is checked here. Classes are looked up in the
+registries, which are imported by name only when this check runs.
 """
 
 from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +64,7 @@ def _problems(config: Any) -> Iterator[str]:
     yield from _names(config)
     yield from _labels(config)
     yield from _paths(config)
+    yield from _control(config.control)
     address, backend = config.executor.address, config.executor.backend
     if backend == "dask" and not (address and re.fullmatch(ADDRESS_PATTERN, address)):
         yield f"executor.address={address}: expected the scheduler's address, e.g. tcp://127.0.0.1:8786"
@@ -169,6 +171,34 @@ def _paths(config: Any) -> Iterator[str]:
                     yield f"{section}.estimators.{name}.options.{option}={value}: no such file"
     if config.psf.source == "paper" and not Path(config.psf.folder).is_dir():
         yield f"psf.folder={config.psf.folder}: no such folder of the paper's kernels"
+
+
+def _control(section: Any) -> Iterator[str]:
+    """What the loop cannot make of its section, and settings of scenarios without effect."""
+    from pipeline.control import setup
+
+    made: list[tuple[str, Callable[[], object]]] = [
+        ("control.camera.limits: ", partial(setup.limits, section.camera.limits)),
+        ("", partial(setup.designs, section.surface)),
+    ]
+    for name, drive in section.scenarios.items():
+        key, silent = f"control.scenarios.{name}", drive.fault.silent
+        made.append((f"{key}: ", partial(setup.scenario, name, drive)))
+        if silent is not None and not silent[0] <= silent[1] < drive.steps:
+            yield f"{key}.fault.silent={list(silent)}: expected first and last step, of {drive.steps} from 0"
+        if bool(drive.flicker_hz) is not bool(drive.flicker_depth):
+            yield f"{key}: flicker_hz={drive.flicker_hz:g} with flicker_depth={drive.flicker_depth:g}, expected both"
+    for prefix, make in made:
+        try:
+            make()
+        except InputError as error:
+            yield f"{prefix}{error}"
+    for level in section.surface.darker.target_levels:
+        if level >= section.surface.target_level:
+            yield (
+                f"control.surface.darker.target_levels: {level:g} is not darker than target_level, "
+                f"{section.surface.target_level:g}"
+            )
 
 
 def _may_be_made(path: str, root: str) -> bool:

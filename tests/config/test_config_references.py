@@ -21,7 +21,7 @@ def at_top(monkeypatch):
     monkeypatch.chdir(ROOT)
 
 
-@pytest.mark.full("twenty compositions take 12 s")
+@pytest.mark.full("forty compositions take 20 s")
 @pytest.mark.parametrize(
     ("overrides", "words"),
     [
@@ -47,6 +47,15 @@ def at_top(monkeypatch):
         (["+detection.sweep.options.simm.limit=2"], ["detection.sweep.options", "did you mean 'sim'"]),
         (["detection.measure.mtf=spectrall"], ["detection.measure.mtf", "did you mean 'spectral'"]),
         (["control.camera.sensor=papre"], ["control.camera.sensor", "did you mean 'paper'"]),
+        (["control.scenarios.dropout.fault={silent: [6, 3]}"], ["dropout.fault.silent=[6, 3]", "first and last step"]),
+        (["control.scenarios.dropout.fault={silent: [3, 10]}"], ["dropout.fault.silent=[3, 10]", "10 from 0"]),
+        (["control.scenarios.flicker.flicker_depth=0"], ["scenarios.flicker: flicker_hz=100 with flicker_depth=0"]),
+        (["+control.scenarios.ramp.flicker_depth=0.5"], ["scenarios.ramp: flicker_hz=0 with flicker_depth=0.5"]),
+        (["control.scenarios.ramp.light=[[0,0]]"], ["control.scenarios.ramp", "values of at least 1e-09"]),
+        (["control.scenarios.ramp.light=[[3,1],[2,1]]"], ["control.scenarios.ramp", "rising steps"]),
+        (["control.camera.limits.exposure_min_ms=50"], ["control.camera.limits", "exposure_min_s <= exposure_max_s"]),
+        (["control.surface.sizes_px=[3,7]"], ["control.surface.sizes_px: begins at 3"]),
+        (["control.surface.darker.target_levels=[0.3,0.5]"], ["darker.target_levels: 0.5", "target_level, 0.5"]),
         (["executor.backend=dask"], ["executor.address"]),
         (["executor.address=tcp://127.0.0.1:8786"], ["executor.address=tcp", "executor.backend=dask"]),
         (["camera=authors", "camera.poisson=hybrid"], ["camera.poisson=hybrid", "authors"]),
