@@ -66,9 +66,12 @@ def _explain(message: str, conf: Path) -> str:
     """Hydra's message on one line; for a key or an option that does not exist, with the nearest one that does."""
     refused = re.search(r"Could not override '([^']+)'", message)
     if refused:
-        parts = refused.group(1).split(".")
+        key = refused.group(1)
+        parts = key.split(".")
+        if not (known := known_keys(parts[:-1])) or parts[-1] in known:  # of options, or without a value in conf/
+            return f"'{key}' has no such value in conf/ yet; expected a + before it, as in +{key}=VALUE"
         depth = next((n for n in range(len(parts)) if parts[n] not in known_keys(parts[:n])), len(parts) - 1)
-        return f"unknown key '{'.'.join(parts)}'; {did_you_mean(parts[depth], known_keys(parts[:depth]))}"
+        return f"unknown key '{key}'; {did_you_mean(parts[depth], known_keys(parts[:depth]))}"
     option = re.search(r"Could not find '([^']+)/([^'/]+)'", message)
     if option:
         group, name = option.groups()

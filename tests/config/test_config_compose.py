@@ -166,3 +166,17 @@ def test_command_line_says_one_line_and_fails():
         assert done.returncode == 2
         assert word in done.stderr
         assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    "override",
+    ["control.scenarios.ramp.start_iso=200", "control.policies.mean_intensity.options.tolerance=0.1"],
+)
+def test_a_known_key_without_a_value_is_not_called_unknown(override):
+    key = override.partition("=")[0]
+    with pytest.raises(InputError, match=rf"'{key}' has no such value in conf/ yet; expected .* \+{key}=") as caught:
+        compose([override])
+    assert "unknown" not in str(caught.value)
+    assert parse(compose([f"+{override}"]), "conf/")
+    with pytest.raises(InputError, match="unknown key 'control.scenarios.ramp.start_is'"):
+        compose(["control.scenarios.ramp.start_is=200"])
