@@ -4,34 +4,42 @@
     python examples/control_camera.py drive.mp4 --exposure-ms 4 --iso 400 --policy mean_intensity
 
 A video cannot be controlled: its frames were taken at the settings given, and the decisions are printed only. Policies
-on performance curves need the surface that the stage ``control_surface`` writes.
+on performance curves need the surface that the stage ``control_surface`` writes. Ctrl-C ends it.
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from pipeline import control
+from pipeline.condition import Condition, ConditionMonitor
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera
 from pipeline.control.state import CameraState, DelayLine, Limits
 from pipeline.datasets.video import read_video
+from pipeline.datasets.video_coding import UNKNOWN
 from pipeline.errors import InputError
 
 SURFACE = Path("data/control_surface/all.npz")
 EXPOSURE_UNIT_S = 1e-4
 """Of V4L2; a whole number of them is written, at least one."""
 
+GAIN_UNIT_DB = 1.0
+"""V4L2 takes whole numbers as gain, too; what one step is differs by camera (``v4l2-ctl -L`` lists the range)."""
+
 DELAY_FRAMES = 2
 """Frames of a live camera that are still taken with the settings before, once others are written; measure yours."""
 
+LIVE_LIMITS = Limits(exposure_min_s=EXPOSURE_UNIT_S, gain_step_db=GAIN_UNIT_DB, delay_frames=DELAY_FRAMES)
+
 
 class OpenCvCamera:
-    """A driver (`pipeline.control.driver.Driver`) on OpenCV's capture; V4L2 takes exposure in whole units of 100 us.
+    """A driver (`pipeline.control.driver.Driver`) on OpenCV's capture; V4L2 takes exposure and gain in whole units.
 
     Videos are read as the monitor reads them.
 
@@ -45,6 +53,7 @@ class OpenCvCamera:
 
     def __init__(self, source: str, state: CameraState) -> None:
         self.live = source.startswith("/dev/")
+        self.coding = UNKNOWN
         self.state = self.written = state = as_written(state) if self.live else state
         self.on_their_way = DelayLine.filled(state, DELAY_FRAMES)
         if not self.live and not Path(source).is_file():
@@ -64,7 +73,8 @@ class OpenCvCamera:
             EOFError: there is no further frame.
         """
         if not self.live:
-            for _, picture, _ in self.frames:
+            for _, picture, coding in self.frames:
+                self.coding = coding
                 return picture
             raise EOFError("no further frame")
         good, frame = self.capture_device.read()
@@ -83,12 +93,25 @@ class OpenCvCamera:
         if self.live:
             self.written = as_written(state)
             self.capture_device.set(cv2.CAP_PROP_EXPOSURE, round(self.written.exposure_s / EXPOSURE_UNIT_S))
-            self.capture_device.set(cv2.CAP_PROP_GAIN, self.written.gain_db)
+            self.capture_device.set(cv2.CAP_PROP_GAIN, round(self.written.gain_db / GAIN_UNIT_DB))
 
 
 def as_written(state: CameraState) -> CameraState:
-    """Settings with the exposure time rounded to the units that a camera takes."""
-    return CameraState(max(1, round(state.exposure_s / EXPOSURE_UNIT_S)) * EXPOSURE_UNIT_S, state.gain)
+    """Settings rounded to the units that a camera takes."""
+    gain_db = round(state.gain_db / GAIN_UNIT_DB) * GAIN_UNIT_DB
+    return CameraState(max(1, round(state.exposure_s / EXPOSURE_UNIT_S)) * EXPOSURE_UNIT_S, 10.0 ** (gain_db / 20.0))
+
+
+class CodedMonitor(ConditionMonitor):
+    """The default monitor, which is told how the driver's last frame was coded: codecs hide noise."""
+
+    def __init__(self, driver: OpenCvCamera) -> None:
+        super().__init__()
+        self.driver = driver
+
+    def frame(self, image: np.ndarray, codec: str = "", quantiser: int | None = None) -> Condition:
+        """See `ConditionMonitor.frame`."""
+        return super().frame(image, self.driver.coding.codec, self.driver.coding.quantiser)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -101,19 +124,19 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         driver = OpenCvCamera(options.source, CameraState.of(options.exposure_ms, options.iso))
-        limits = Limits(exposure_min_s=EXPOSURE_UNIT_S, delay_frames=DELAY_FRAMES) if driver.live else Limits()
-        camera = ControlledCamera(limits)
+        camera = ControlledCamera(LIVE_LIMITS if driver.live else Limits())
         performance = Performance.load(SURFACE) if options.policy.startswith("iopc") else None
-        controller = control.Controller(control.create(options.policy, camera=camera, performance=performance))
+        policy = control.create(options.policy, camera=camera, performance=performance)
+        controller = control.Controller(policy, CodedMonitor(driver) if policy.uses_estimates else None)
     except (OSError, InputError) as error:
         parser.error(str(error))
     frames = 0
     try:
-        for decision in controller.run(driver, 10_000):
+        for decision in controller.run(driver, sys.maxsize):
             new = decision.state
             print(f"{frames:5d}  {new.exposure_ms:7.2f} ms  ISO {new.iso:5.0f}  {decision.action}: {decision.reason}")
             frames += 1
-    except EOFError:
+    except (EOFError, KeyboardInterrupt):
         pass
     except InputError as error:  # the video is none, or damaged behind these frames
         parser.error(str(error))
