@@ -105,6 +105,7 @@ def tables(
 
     Returns:
         schema `COEFFICIENTS`; schema `FITTED` (the data's cells, then a fine grid of the fit alone); and chi2, R2 ...
+        Where all cells are alike, R2 and what a term is worth are NaN.
 
     Raises:
         InputError: see `pipeline.curves.regression.fit`.
@@ -114,8 +115,11 @@ def tables(
     iso, exposure, percent = (data[name].to_numpy(float) for name in ("iso", "exposure_ms", "ap_percent"))
     errors = data["error_percent"].to_numpy() if "error_percent" in data.columns else None
     whole = fit(iso, exposure, percent, errors, terms, draws)
+    alike = np.ptp(percent) == 0.0  # nothing to explain: chi2, and what each term is worth, are rounding alone
     left = (
-        {row.term: row for row in leave_one_out(iso, exposure, percent, errors)} if len(terms) == len(FORMULAS) else {}
+        {row.term: row for row in leave_one_out(iso, exposure, percent, errors)}
+        if len(terms) == len(FORMULAS) and not alike
+        else {}
     )
     rows = []
     for number, term in enumerate(whole.terms):
@@ -128,8 +132,8 @@ def tables(
         rows.append(row)
     about = {
         "chi2": whole.chi2,
-        "r2": whole.r2,
-        "adjusted_r2": whole.adjusted_r2,
+        "r2": float("nan") if alike else whole.r2,
+        "adjusted_r2": float("nan") if alike else whole.adjusted_r2,
         "degrees": whole.degrees,
         "cells": len(data),
         "largest_residual": float(np.abs(whole.residual).max()),

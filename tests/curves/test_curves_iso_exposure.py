@@ -53,6 +53,19 @@ def test_a_known_regression_is_found_again_from_the_mean_over_directions() -> No
     np.testing.assert_allclose(grid["fitted_percent"], expected, atol=1e-6)
 
 
+@pytest.mark.parametrize("percent", [0.0, 33.333, 97.3])
+def test_no_term_is_worth_anything_where_all_cells_are_alike(percent: float) -> None:
+    """As of a class that is never detected: R2 and F of what rounding leaves would be of any size."""
+    table, draws = measured_grid()
+    data, _ = iso_exposure.cells(table.assign(ap_percent=percent), draws, SECTION)
+    errors = 2.0 + stream(1, "alike").random(len(data))
+    coefficients, _, about = iso_exposure.tables("car", data.assign(error_percent=errors), TERMS)
+    for name in ("f", "p_value", "r2_without", "largest_change"):
+        assert coefficients[name].isna().all()
+    assert np.isnan([about["r2"], about["adjusted_r2"]]).all() and about["largest_residual"] < 1e-9
+    assert iso_exposure.metrics({"car": about})["car"]["r2"] == 0.0
+
+
 def test_the_error_of_a_cell_is_its_bootstraps_and_never_none() -> None:
     table, draws = measured_grid()
     data, _ = iso_exposure.cells(table, draws * 0 + 50, SECTION)
