@@ -44,3 +44,12 @@ def tiny_yolox(path: Path, size: int | str = 64, classes: int = 3) -> Path:
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)
     onnx.save(model, str(path))
     return path
+
+
+def weights_apart(folder: Path) -> Path:
+    """`tiny_yolox` as tiny.onnx, whose weights lie in tiny.onnx.data."""
+    onnx = pytest.importorskip("onnx")
+    path = tiny_yolox(folder / "tiny.onnx")
+    model = onnx.load(str(path))
+    onnx.save(model, str(path), save_as_external_data=True, location="tiny.onnx.data", size_threshold=0)
+    return path

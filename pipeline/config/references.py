@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.camera.sensor import SENSORS
+from pipeline.config.hydra_plugins.named_files import in_one_file
 from pipeline.errors import InputError, did_you_mean
 from pipeline.executor import ADDRESS_PATTERN
 from pipeline.experiments.class_maps import class_map
@@ -153,12 +154,11 @@ def _paths(config: Any) -> Iterator[str]:
         if recording.folder is not None and not Path(recording.folder).is_dir():
             yield f"real_noise.recordings.{name}.folder={recording.folder}: no such folder; null leaves it out"
     for name, detector in config.detection.detectors.items():
-        weights = detector.weights
+        weights, key = detector.weights, f"detection.detectors.{name}.weights"
         if weights and not _may_be_made(weights, config.root) and not Path(weights).is_file():
-            yield (
-                f"detection.detectors.{name}.weights={weights}: no such file; "
-                "'camera-monitor weights list' shows what there is to get"
-            )
+            yield (f"{key}={weights}: no such file; 'camera-monitor weights list' shows what there is to get")
+        elif weights and Path(weights).is_file() and (sentence := in_one_file(key, Path(weights))):
+            yield sentence
     for section, estimators in (
         ("noise", config.noise.estimators),
         ("real_noise", config.real_noise.estimators),

@@ -14,6 +14,7 @@ def run(run: Run) -> None:
     """Scan the dataset, write the tables, a few example frames and a manifest of content hashes."""
     from pipeline import store, tables
     from pipeline.camera.quantise import to_8bit
+    from pipeline.config.hydra_plugins.named_files import with_files
     from pipeline.config.hydra_plugins.plug_in_sources import digest
     from pipeline.datasets.content import content_of
     from pipeline.datasets.index import index
@@ -54,6 +55,7 @@ def run(run: Run) -> None:
             store.write_json(folder / "detection_manifest.json", content_of(more))
         source = digest("pipeline.datasets", params.datasets[name].kind)
         if source is not None:  # a third party's reader, which all that depends on this index executes
+            source = with_files(source, params.datasets[name].options)  # it may read scenes out of a file
             store.write_json(folder / "reader.json", {"package_sha256": source})
     patches = result.patches.groupby("purpose").size()
     store.write_json(

@@ -6,10 +6,14 @@ from pathlib import Path
 
 import pytest
 import yaml
+from yolox_makers import tiny_yolox, weights_apart
 
-from pipeline.config.compose import compose
+from pipeline.config.compose import compose, parse
+from pipeline.config.hydra_plugins.named_files import hashes, weights_beside
 from pipeline.config.hydra_plugins.plug_in_sources import digest
+from pipeline.config.references import check_references
 from pipeline.dependencies.stage_groups import groups
+from pipeline.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
 POINTS = """
@@ -69,6 +73,32 @@ def test_an_edit_of_a_helper_module_changes_the_hash_of_every_member_of_the_pack
     assert all(after[section][name] != before[section][name] for section in names for name in names[section])
 
 
+@pytest.mark.parametrize(
+    ("section", "kind", "group"),
+    [
+        ("detection.detectors", "spots", "detection"),
+        ("control.policies", "shorter", "control"),
+        ("datasets", "drives", "datasets"),
+    ],
+)
+def test_a_file_that_options_name_changes_the_hash_of_its_member_alone(
+    package: Path, tmp_path: Path, section: str, kind: str, group: str
+) -> None:
+    """As the words of a detector, the table of a policy and the places of a dataset, in a list or a mapping too."""
+    more = ", root: /drives, dvc_dependency: /drives" if section == "datasets" else ""
+    named, other = tmp_path / "named.txt", f"+{section}.other={{kind: {kind}{more}}}"
+    given = f'+{section}.mine={{kind: {kind}{more}, options: {{size: 3, words: {{first: [few, "{named}"]}}}}}}'
+    absent = composed(given, other)["plug_ins"][group]
+    assert absent["mine"] == absent["other"] == digest(f"pipeline.{group}", kind)
+    hashed = {absent["mine"]}
+    for text in ("car", "person"):
+        named.write_text(text)
+        present = composed(given, other)["plug_ins"][group]
+        assert present["other"] == absent["other"]
+        hashed.add(present["mine"])
+    assert len(hashed) == 3
+
+
 def test_other_files_of_a_package_do_not_change_its_hash_and_names_do(package: Path) -> None:
     before = digest("pipeline.noise", "columns")
     (package / "notes.txt").write_text("nothing that is executed")
@@ -120,6 +150,38 @@ def test_another_file_behind_an_option_changes_what_its_stages_depend_on(tmp_pat
     weights.write_bytes(b"second")
     after = composed(given)["option_files"]
     assert after["blur"]["mine"] != before["blur"]["mine"] and after["noise"] == before["noise"]
+
+
+@pytest.mark.usefixtures("at_top")
+def test_options_may_hold_lists_of_files_and_long_texts(tmp_path: Path) -> None:
+    parts = [tmp_path / "first", tmp_path / "second"]
+    for path in parts:
+        path.write_bytes(b"part")
+    listed = ", ".join(f'"{path}"' for path in parts)
+    given = f"+noise.estimators.mine={{kind: pca, options: {{parts: [{listed}], text: {'long ' * 100}}}}}"
+    before = composed(given)["option_files"]["noise"]["mine"]
+    assert set(before) == {"parts"}
+    parts[1].write_bytes(b"other")
+    assert composed(given)["option_files"]["noise"]["mine"] != before
+
+
+@pytest.mark.usefixtures("at_top")
+def test_weights_that_a_network_keeps_in_a_file_beside_it_count_where_options_name_it(tmp_path: Path) -> None:
+    """As PyTorch writes them: trained anew, the network's own file stays the same."""
+    network = weights_apart(tmp_path)
+    before, own = hashes({"weights": str(network)}), network.read_bytes()
+    (beside,) = weights_beside(network)
+    assert beside == tmp_path / "tiny.onnx.data"
+    beside.write_bytes(bytes(beside.stat().st_size))
+    assert network.read_bytes() == own and hashes({"weights": str(network)}) != before
+    assert not weights_beside(tiny_yolox(tmp_path / "whole.onnx"))
+
+
+@pytest.mark.usefixtures("at_top")
+def test_weights_of_a_detector_in_a_file_beside_its_own_are_refused(tmp_path: Path) -> None:
+    override = f'+detection.detectors.mine={{kind: yolox, weights: "{weights_apart(tmp_path)}"}}'
+    with pytest.raises(InputError, match=r"mine.weights=.*tiny.onnx: keeps its weights in tiny.onnx.data.*one file"):
+        check_references(parse(compose([override]), "conf/"))
 
 
 def test_stages_depend_on_whitelists_and_on_the_folder_of_kernels(package: Path, tmp_path: Path) -> None:

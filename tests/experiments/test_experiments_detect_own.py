@@ -12,6 +12,7 @@ import yaml
 from data_makers import make_kitti
 from plug_in_makers import SPOTS, plug_in
 from test_experiments_detect import KERNELS, LEVELS, ROOT, configured
+from yolox_makers import weights_apart
 
 from pipeline import store
 from pipeline.config.compose import compose, parse
@@ -116,6 +117,24 @@ def test_after_an_edit_of_a_helper_module_a_killed_sweep_begins_anew(
     assert set(table["x2"]) == {50.0}
     detector.run.run(config, {"detector": "mine"}, tmp_path, tmp_path)  # so that what depends on it runs again
     assert store.read_json(tmp_path / "data/detector/mine/detector.json") != before
+
+
+def test_another_file_behind_an_option_is_another_detector_and_weights_in_two_files_are_refused(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is kept of a killed sweep goes by the hash, too."""
+    plug_in(tmp_path, monkeypatch, "spots_of_mine", SPOTS, detection="spots = spots_of_mine:Spots")
+    words, seen = tmp_path / "words.txt", set()
+    for text in ("30", "50"):
+        words.write_text(text)
+        detector.run.run(
+            _with_own(data, f'{{kind: spots, options: {{side_px: "{words}"}}}}'), {"detector": "mine"}, data, tmp_path
+        )
+        seen.add(store.read_json(tmp_path / "data/detector/mine/detector.json")["sha256"])
+    assert len(seen) == 2
+    weights_apart(tmp_path)
+    with pytest.raises(InputError, match=r"detection.detectors.tiny.weights=.*in tiny.onnx.data.*one file"):
+        detector.run.run(configured(tmp_path), {"detector": "tiny"}, data, tmp_path)
 
 
 CALLING = """

@@ -4,23 +4,22 @@
 them; ``${names_of_other_kind:...}`` of none of them. ``${dependencies_of_kind:detection.detectors,yolox}`` maps names
 to the file that their stage `detector` depends on, ``${dependencies_of_datasets:datasets}`` to those of `index`.
 ``${dependency_folder:...}`` is a folder, or `NO_DATA` where it is null. ``${sources_of_plug_ins:noise.estimators,
-pipeline.noise}`` maps the names whose ``kind`` a third party registers to the SHA-256 of its source,
-``${files_of_options:noise.estimators}`` names to the SHA-256 of files among their options, as of weights.
+pipeline.noise}`` maps the names whose ``kind`` a third party registers to the SHA-256 of its source and of files that
+their options name, ``${files_of_options:noise.estimators}`` names to the SHA-256 of such files, as of weights.
 `pipeline.config.compose` imports this file; DVC loads it as a Hydra plugin (``hydra.plugins_path`` in ``.dvc/config``),
-so it imports nothing of the package but the file beside it.
+so it imports nothing of the package but the files beside it.
 """
 
 from __future__ import annotations
 
 import contextlib
-import hashlib
 from importlib.metadata import entry_points
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig, ListConfig, OmegaConf
 
+from .named_files import hashes, with_files
 from .plug_in_sources import digests
 
 DETECTORS = "pipeline.detection"
@@ -95,33 +94,31 @@ def dependencies_of_datasets(path: str, *, _root_: Any) -> DictConfig:
 
 
 def sources_of_plug_ins(path: str, group: str, *, _root_: Any) -> DictConfig:
-    """Names of the members of a section that are a third party's, with the SHA-256 of its source.
+    """Names of the members of a section that are a third party's, with the SHA-256 of its source and option files.
 
     Args:
         path: of the section, or of a value that is itself a registry name.
         group: entry point group of the registry.
     """
     section = OmegaConf.select(_root_, path)
-    kinds = (
-        {str(name): _value(member, "kind") for name, member in section.items()}
-        if isinstance(section, DictConfig)
-        else {str(section): section}
+    members = section if isinstance(section, DictConfig) else OmegaConf.create({str(section): {"kind": section}})
+    kinds = [(str(name), str(_value(member, "kind")), _options(member)) for name, member in members.items()]
+    sources = digests(group, {kind for _, kind, _ in kinds})
+    return OmegaConf.create(
+        {name: with_files(sources[kind], options) for name, kind, options in kinds if kind in sources}
     )
-    hashes = digests(group, {str(kind) for kind in kinds.values()})
-    return OmegaConf.create({name: hashes[str(kind)] for name, kind in kinds.items() if str(kind) in hashes})
 
 
 def files_of_options(path: str, *, _root_: Any) -> DictConfig:
     """Names of a section's members, each with the options that name a file and the file's SHA-256."""
-    return OmegaConf.create(
-        {str(name): _file_hashes(_value(member, "options")) for name, member in OmegaConf.select(_root_, path).items()}
-    )
+    members = OmegaConf.select(_root_, path)
+    return OmegaConf.create({str(name): hashes(_options(member)) for name, member in members.items()})
 
 
-def _file_hashes(options: Any) -> dict[str, str]:
-    listed = options.items() if isinstance(options, DictConfig) else ()
-    files = {str(key): Path(value) for key, value in listed if isinstance(value, str)}
-    return {key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in sorted(files.items()) if path.is_file()}
+def _options(member: Any) -> dict[str, Any]:
+    options = _value(member, "options")
+    content: Any = OmegaConf.to_container(options, resolve=True) if isinstance(options, DictConfig) else {}
+    return dict(content)
 
 
 def dependency_folder(folder: str | None) -> str:
