@@ -17,8 +17,10 @@ DVC_YAML = Path("dvc.yaml")
 UNCOMPOSED = ("hydra", "job")
 """Keys that are no part of the configuration."""
 ALWAYS_READ = ("executor", "root", "profile", *UNCOMPOSED)
-OF_INDEX = ("limit", "max_rejected_fraction")
+OF_INDEX = ("limit", "whitelist", "max_rejected_fraction")
 """Keys of a dataset that act in the stage `index` alone; the others take the frames that it chose."""
+ALSO_LISTED = ("detect", "measured")
+"""Stages that follow a whitelist too, where ``detection.sweep.options`` has them read the dataset anew."""
 
 
 def warnings(stage: Stage, arguments: Sequence[str], conf: Path) -> list[str]:
@@ -81,6 +83,8 @@ def _touches(path: str, key: str) -> bool:
 
 def _of_index(stage: str, path: str) -> bool:
     head, _, last = path.rpartition(".")
+    if stage in ALSO_LISTED and last == "whitelist":
+        return False
     return stage != "index" and last in OF_INDEX and re.fullmatch(r"datasets\.[^.]+", head) is not None
 
 

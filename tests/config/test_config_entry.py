@@ -205,6 +205,7 @@ JOB = ("+job.dataset=photos,sim", "+job.estimator=pca,bf")
     [
         ("noise.tile_px=64,128", ["noise.tile_px", "index"]),
         ("datasets.photos.limit=1", ["datasets.photos.limit", "(read by: index)"]),
+        ("datasets.photos.whitelist=frames.txt", ["datasets.photos.whitelist", "(read by: index)"]),
         ("+noise.estimators.mine={kind: pca}", ["noise.estimators.mine", "combined"]),
         ("noise.target_sigmas_dn=[5],[10]", []),
         ("corruption.target_sigmas_dn=[5],[10]", []),  # which the noise experiment follows
@@ -220,6 +221,15 @@ def test_an_override_that_the_stage_does_not_read_is_pointed_out(override, words
     assert len(sentences) == bool(words)
     assert all(word in sentences[0] for word in ["stage 'noise' does not read", *words] if words)
     assert warnings(NOISE, [override], ROOT / "conf") == []  # whose job is refused later
+
+
+def test_a_stage_that_may_read_a_dataset_anew_follows_its_whitelist(monkeypatch):
+    """As `detect`, with ``detection.sweep.options`` of the dataset."""
+    monkeypatch.chdir(ROOT)
+    detect = stage("detect", reads=["datasets.{dataset}"], job=["dataset"])(lambda run: None)
+    job = ["+job.dataset=photos"]
+    assert warnings(detect, [*job, "datasets.photos.whitelist=frames.txt"], ROOT / "conf") == []
+    assert len(warnings(detect, [*job, "datasets.photos.limit=1"], ROOT / "conf")) == 1
 
 
 def test_the_stage_noise_warns_of_a_key_that_acts_in_the_index_only():
