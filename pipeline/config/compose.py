@@ -11,7 +11,7 @@ from __future__ import annotations
 import difflib
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -58,20 +58,15 @@ def compose(overrides: Sequence[str] = (), conf: Path = CONF) -> str:
     except (YAMLError, UnicodeDecodeError) as error:
         raise InputError(_not_yaml(conf, " ".join(str(error).split()))) from None
     except (HydraException, OmegaConfBaseException, ValueError) as error:
-        raise InputError(f"conf/ with overrides {list(overrides)}: {_explain(str(error), conf)}") from None
+        raise InputError(f"conf/ with overrides {list(overrides)}: {_explain(str(error), overrides, conf)}") from None
     return OmegaConf.to_yaml(composed)
 
 
-def _explain(message: str, conf: Path) -> str:
+def _explain(message: str, overrides: Sequence[str], conf: Path) -> str:
     """Hydra's message on one line; for a key or an option that does not exist, with the nearest one that does."""
     refused = re.search(r"Could not override '([^']+)'", message)
     if refused:
-        key = refused.group(1)
-        parts = key.split(".")
-        if not (known := known_keys(parts[:-1])) or parts[-1] in known:  # of options, or without a value in conf/
-            return f"'{key}' has no such value in conf/ yet; expected a + before it, as in +{key}=VALUE"
-        depth = next((n for n in range(len(parts)) if parts[n] not in known_keys(parts[:n])), len(parts) - 1)
-        return f"unknown key '{key}'; {did_you_mean(parts[depth], known_keys(parts[:depth]))}"
+        return _absent(refused.group(1), overrides, conf)
     option = re.search(r"Could not find '([^']+)/([^'/]+)'", message)
     if option:
         group, name = option.groups()
@@ -80,6 +75,31 @@ def _explain(message: str, conf: Path) -> str:
     lines = [line.strip() for line in message.splitlines()]
     noise = ("full_key", "object_type", "Config search", "provider", "See https")
     return " ".join(line for line in lines if line and not line.startswith(noise))
+
+
+def _absent(key: str, overrides: Sequence[str], conf: Path) -> str:
+    """That ``conf/`` lacks a key: how to add it where that is possible, else what is wrong with it."""
+    given = [each for each in overrides if each.partition("=")[0] == key]
+    others = [each for each in overrides if each not in given]
+    content = yaml_text.parse(compose(others, conf)) if given else {}  # conf/ itself may be wrong
+    parts, depth = key.split("."), 0
+    while depth < len(parts) - 1 and isinstance(content, Mapping) and parts[depth] in content:
+        content, depth = content[parts[depth]], depth + 1
+    part = parts[depth]
+    inside, there = list(content) if isinstance(content, Mapping) else [], parts[:depth]
+    declared = known_keys(there)
+    if given:
+        try:
+            parse(compose([*others, f"+{given[-1]}"], conf), "conf/")
+            hint = did_you_mean(part, inside)
+            near = f"; {hint}" if hint.startswith("did") else ""
+            return f"'{key}' is not in conf/ yet{near}; what is new needs a plus: '+{given[-1]}'"
+        except InputError as error:
+            if part in declared or not declared:  # its value is wrong; or its name, where the value's class knows names
+                return str(error).removeprefix("conf/: ").partition("\n")[0]
+    strict = set(inside) <= set(declared)
+    absent = "" if depth == len(parts) - 1 else f" (no '{part}' in {'.'.join(there) or 'conf/'})"
+    return f"unknown key '{key}'{absent}; {did_you_mean(part, declared if strict else inside)}"
 
 
 def _not_yaml(conf: Path, reason: str) -> str:
