@@ -1,8 +1,9 @@
-"""Children of a test that answer Ctrl-C as at a terminal."""
+"""Children of a test that answer Ctrl-C and the end of their terminal as at one."""
 
 import signal
 
 
 def heed_interrupts():
-    """For ``preexec_fn``: a shell that runs the suite in the background has its children ignore SIGINT."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    """For ``preexec_fn``: children of a suite that a shell runs in the background ignore SIGINT, with nohup SIGHUP."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)

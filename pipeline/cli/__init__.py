@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import signal
 import traceback
+from collections.abc import Iterable
 from types import FrameType
 from typing import Any
 
@@ -68,7 +69,7 @@ class _Lazy(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
-            with handled(ENDING_SIGNALS, _interrupt):
+            with handled(not_ignored(ENDING_SIGNALS), _interrupt):
                 return super().invoke(ctx)
         except InputError as error:
             lines = [printable(line) for line in str(error).split("\n")]  # names of files may hold any character
@@ -96,6 +97,11 @@ class _Lazy(click.Group):
         except KeyboardInterrupt:
             click.echo("interrupted; what was finished is written", err=True)
             raise SystemExit(INTERRUPTED) from None
+
+
+def not_ignored(numbers: Iterable[signal.Signals]) -> list[signal.Signals]:
+    """Signals without those that the program was started to ignore, as ``nohup`` has SIGHUP ignored."""
+    return [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

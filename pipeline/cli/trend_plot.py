@@ -8,7 +8,8 @@ from itertools import pairwise
 from math import isfinite
 
 WIDTH, HEIGHT = 1000.0, 100.0
-MOST_POINTS = 600
+DASH = 4.0
+MOST_BINS = 600  # of frames; of each, the least and the greatest value are drawn
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ def plot(
     count = max((len(line.values) for line in lines), default=0)
     known = [value for line in lines for value in line.values if isfinite(value)]
     high = max([least_high, *known, *([threshold] if threshold is not None else [])]) * 1.05 or 1.0
-    step = max(1, -(-count // MOST_POINTS))
+    step = max(1, -(-count // MOST_BINS))
     x_of = [WIDTH * (index + 0.5) / max(count, 1) for index in range(count)]
     parts = [
         f'<line class="mark" x1="{x_of[index]:.1f}" x2="{x_of[index]:.1f}" y1="0" y2="{HEIGHT:.0f}"/>'
@@ -90,13 +91,14 @@ def plot(
 
 
 def _runs(values: Sequence[float], high: float, x_of: Sequence[float], step: int) -> Iterable[str]:
-    """Points of every unbroken run of known values; of each bin of several frames the maximum or minimum remains."""
-    points: list[str] = []
+    """Points of every unbroken run of known values; of each bin of several frames the least and the greatest remain."""
+    points: list[tuple[float, float]] = []
     for start in range(0, len(values), step):
-        known = [value for value in values[start : start + step] if isfinite(value)]
+        frames = range(start, min(start + step, len(values)))
+        known = [(values[frame], x_of[frame]) for frame in frames if isfinite(values[frame])]
         if known:
-            value = max(known) if (start // step) % 2 else min(known)
-            points.append(f"{x_of[start]:.1f},{_y(value, high):.1f}")
+            ends = sorted({min(known), max(known)}, key=lambda end: end[1])
+            points += [(x, _y(value, high)) for value, x in ends]
         elif points:
             yield _drawn(points)
             points = []
@@ -104,12 +106,12 @@ def _runs(values: Sequence[float], high: float, x_of: Sequence[float], step: int
         yield _drawn(points)
 
 
-def _drawn(points: list[str]) -> str:
-    """A single point is drawn as a short dash."""
-    if len(points) > 1:
-        return " ".join(points)
-    x, y = points[0].split(",")
-    return f"{float(x) - 4:.1f},{y} {float(x) + 4:.1f},{y}"
+def _drawn(points: Sequence[tuple[float, float]]) -> str:
+    """A run as short as a single point is drawn with a dash at both ends."""
+    (first, start), (last, end) = points[0], points[-1]
+    if last - first < 2 * DASH:
+        points = [(first - DASH, start), *points, (last + DASH, end)]
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
 
 
 def _y(value: float, high: float) -> float:

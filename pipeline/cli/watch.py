@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import signal
-import sys
 import threading
 import time
 from collections import Counter
@@ -16,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pipeline.cli import ALARM
+from pipeline.cli import ALARM, ENDING_SIGNALS, not_ignored
 from pipeline.cli.frame_samples import patches_option, tiles_option
 from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.numbers import FiniteRange, Mtf50Limit
@@ -77,15 +76,15 @@ def command(
     also a video, or a HEIC or raw file; of a stream, once, that its frames are interlaced or damaged) and no_signal;
     stop. Of a live source, frames that come while one is analysed are dropped.
 
-    SIGINT and SIGTERM stop it after the frame at hand. Exit codes: 0 no alarm; 3 alarms; else 2 for no such source or
-    a video file that is cut short or damaged.
+    SIGINT, SIGTERM and SIGHUP stop it after the frame at hand; one that is ignored at its start, as SIGHUP by nohup,
+    stays so. Exit codes: 0 no alarm; 3 alarms; else 2 for no such source or a video file that is cut short or damaged.
     """
     from pipeline import freed_memory
     from pipeline.cli import camera_store
     from pipeline.cli.frame_analysis import FrameAnalysis, Thresholds, find_surface
     from pipeline.cli.package_version import version
     from pipeline.cli.pictures import least_side_px
-    from pipeline.cli.watch_sources import open_source
+    from pipeline.cli.watch_sources import open_source, without_credentials
     from pipeline.condition import ConditionMonitor
     from pipeline.errors import InputError
     from pipeline.executor import one_thread
@@ -95,7 +94,7 @@ def command(
     freed_memory.keep()
     camera = camera_store.load(camera_name) if camera_name is not None else None
     stop = threading.Event()
-    with handled((signal.SIGINT, signal.SIGTERM), _Stop(stop)):
+    with handled((signal.SIGINT, *not_ignored(ENDING_SIGNALS)), _Stop(stop)):
         performance, _ = find_surface(surface)
         came = open_source(source, rate, wait=not no_wait, stop=stop)
         monitor = ConditionMonitor(blur_name, noise_name, most_tiles=most_tiles, most_patches=most_patches)
@@ -110,8 +109,9 @@ def command(
         sharp_px = None if camera is None else camera.size_px
         watch = _Watch(source, analysis, window, sharp_px, least_side_px(monitor.noise_estimator))
         watch.emit(
-            "start", source=source, version=version(), blur_estimator=blur_name, noise_estimator=noise_name,
-            weights_released=monitor.weights_released, weights_sha256=hashes, camera=camera_name,
+            "start", source=without_credentials(source), version=version(), blur_estimator=blur_name,
+            noise_estimator=noise_name, weights_released=monitor.weights_released, weights_sha256=hashes,
+            camera=camera_name,
         )  # fmt: skip
         if camera is not None and (doubt := camera.doubt()):
             watch.emit("warning", reason=doubt)
@@ -154,8 +154,7 @@ class _Watch:
         from pipeline.store import plain_json
 
         line = {"event": event, "seconds": round(time.monotonic() - self._began, 3), **content}
-        click.echo(json.dumps(plain_json(line)))
-        sys.stdout.flush()
+        print(json.dumps(plain_json(line)), flush=True)
 
     def run(self, came: Iterator[SourceFrame], most_frames: int | None, idle_stop: float | None) -> str:
         """Analyse frames until the source ends, enough have come, or nothing comes; why it ended."""

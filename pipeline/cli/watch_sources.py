@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import stat
 import threading
 import time
@@ -29,6 +30,7 @@ SETTLED_LOOKS, EMPTY_LOOKS = 2, 5  # in a row with the same size; a file that is
 REPLACED_LOOKS = 2  # at which there was another file or a smaller one, more than looks at which it had grown
 DEFAULT_FRAMES_PER_SECOND = 25.0  # of a video that does not state its own
 URL_MARK = "://"
+_CREDENTIALS = re.compile(f"(?<={URL_MARK})[^/?#]*@")
 
 
 @dataclass(frozen=True)
@@ -70,12 +72,17 @@ def open_source(source: str, rate: float, *, wait: bool, stop: threading.Event) 
     if source.isdigit():
         return live(int(source), f"camera {source}", rate, stop)
     if URL_MARK in source:
-        return live(source, source.split("@")[-1], rate, stop)
+        return live(source, without_credentials(source), rate, stop)
     if path.is_dir():
         return filling_folder(path, stop)
     if path.is_file() and path.suffix.lower() in SUFFIXES:
         return played_video(path, rate, stop) if wait else every_frame(path, stop)
     raise InputError(f"{source}: neither a camera index, an address (rtsp://...), a video file nor a folder")
+
+
+def without_credentials(source: str) -> str:
+    """A source as it may be printed: an address without user name and password, any other as it is."""
+    return _CREDENTIALS.sub("", source)
 
 
 def live(device: int | str, name: str, rate: float, stop: threading.Event) -> Iterator[SourceFrame]:

@@ -3,10 +3,12 @@
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 import time
 
+import click
 import cv2
 import numpy as np
 import pandas as pd
@@ -19,6 +21,7 @@ from pipeline.camera.psf import create, kinds
 from pipeline.cli import COMMANDS, main
 from pipeline.cli.corrupt import command as corrupt_command
 from pipeline.noise.base import NoiseEstimate
+from pipeline.signals import handled
 from pipeline.streams import stream
 
 
@@ -39,6 +42,17 @@ def test_help_names_every_command_and_is_quick():
     assert time.perf_counter() - start < 10  # a second on an idle machine; see benchmarks for the figure
     assert done.returncode == 0
     assert all(name in done.stdout for name in COMMANDS)
+
+
+@pytest.mark.parametrize(("before", "exit_code"), [(signal.SIG_IGN, 0), (signal.SIG_DFL, 130)])
+def test_the_end_of_its_terminal_ends_a_command_unless_nohup_started_it(monkeypatch, before, exit_code):
+    @click.command
+    def waiting():
+        signal.raise_signal(signal.SIGHUP)
+
+    monkeypatch.setattr("pipeline.cli.doctor.command", waiting)
+    with handled([signal.SIGHUP], before):
+        assert call("doctor").exit_code == exit_code
 
 
 @pytest.mark.parametrize("name", COMMANDS)
