@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import isnan
@@ -281,6 +282,12 @@ class FrameAnalysis:
         for alarm in trend.step(row["sigma_dn"], condition.mtf.value, row["picture"]):
             self.trend_alarms.append(_alarm_row(alarm, row["picture"], sequence))
         return trend.active
+
+
+def series_name(source: str, shape: Sequence[int]) -> str:
+    """Of the frames (H, W) of a source that share a trend: another size, as of another mode, has one of its own."""
+    height, width = shape
+    return f"{source} {width}x{height}"
 
 
 def _alarm_row(alarm: TrendAlarm, picture: str, sequence: str) -> dict[str, Any]:

@@ -202,6 +202,7 @@ def _analyse(
 
     from pipeline.cli import camera_store
     from pipeline.cli.frame_ahead import estimated_ahead
+    from pipeline.cli.frame_analysis import series_name
     from pipeline.cli.pictures import least_side_px, readable, stream_of
     from pipeline.errors import InputError
     from pipeline.store import plain_json
@@ -213,7 +214,9 @@ def _analyse(
         for name, image, estimate in tqdm(frames, delay=2, leave=False, unit=" frames"):
             try:
                 stream, estimated = stream_of(name), estimate()
-                row, condition = analysis.analyse(name, image, stream, stream or sequences.get(name, ""), estimated)
+                source = stream or sequences.get(name, "")
+                sequence = series_name(source, image.shape) if source else ""
+                row, condition = analysis.analyse(name, image, stream, sequence, estimated)
             except InputError as error:
                 set_aside.add(name, error)
                 continue

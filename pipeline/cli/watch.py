@@ -174,13 +174,13 @@ class _Watch:
 
     def _frame(self, frame: SourceFrame) -> None:
         from pipeline.cli.camera_store import of_other_size
+        from pipeline.cli.frame_analysis import series_name
         from pipeline.cli.pictures import too_small
         from pipeline.cli.watch_alarms import alarm_words
         from pipeline.errors import InputError
 
         assert frame.image is not None
-        height, width = frame.image.shape
-        sequence = f"{self.source} {width}x{height}"  # another mode of the camera has a trend of its own
+        sequence = series_name(self.source, frame.image.shape)
         try:
             if small := too_small(frame.image.shape, self._least_px):
                 raise InputError(f"{frame.name}: {small}")

@@ -455,3 +455,16 @@ def test_a_run_that_ends_before_its_first_frame_says_why(tmp_path, monkeypatch, 
         assert {file.name for file in out.iterdir() if file.suffix in (".json", ".html")} == results
     content = json.loads((out / "health.json").read_text())
     assert content["pictures"] == [] and content["complete"] == (code == 2)  # a frame that is refused is set aside
+
+
+@pytest.mark.parametrize(("later_px", "alarmed"), [(64, True), (48, False)])
+def test_frames_of_another_size_have_a_trend_of_their_own(tmp_path, later_px, alarmed):
+    """As of a camera that is switched to a mode with more noise."""
+    generator = stream(0, "modes")
+    for number in range(150):
+        side, sigma_dn = (64, 6.0) if number < 110 else (later_px, 9.0)
+        levels = generator.normal(128, sigma_dn * (1 + 0.05 * generator.standard_normal()), (side, side))
+        assert cv2.imwrite(str(tmp_path / f"{number:03d}.png"), np.clip(np.rint(levels), 0, 255).astype(np.uint8))
+    done = call(tmp_path, "--noise", "pca", "--reference-frames", 100, "--json")
+    assert bool(json.loads(done.stdout)["trend_alarms"]) == alarmed
+    assert done.exit_code == (3 if alarmed else 0)
