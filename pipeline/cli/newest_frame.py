@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections import Counter
 from functools import partial
@@ -21,6 +22,16 @@ if TYPE_CHECKING:
 
 RECONNECT_S = 2.0
 STREAM_TIMEOUT_S = 30.0
+_CREDENTIALS = re.compile(r"(?<=://)[^/?#\s]*@")
+
+
+def without_credentials(text: str) -> str:
+    """A text as it may be printed: the addresses in it without user name and password.
+
+    Args:
+        text: an address, another source, or a message of the decoder.
+    """
+    return _CREDENTIALS.sub("", text)
 
 
 class NewestFrame(threading.Thread):
@@ -139,7 +150,8 @@ class _Stream:
         try:
             self._decoder = Decoder(address, timeout_s=STREAM_TIMEOUT_S, threads=0)
         except BadVideo as error:
-            raise InputError(f"{name}: cannot be opened: {error.reason}; check the address") from None
+            reason = without_credentials(error.reason)  # of the parts of a stream, addresses are named
+            raise InputError(f"{name}: cannot be opened: {reason}; check the address") from None
         self._remark = remark
 
     @property

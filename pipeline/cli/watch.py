@@ -82,9 +82,10 @@ def command(
     from pipeline import freed_memory
     from pipeline.cli import camera_store
     from pipeline.cli.frame_analysis import FrameAnalysis, Thresholds, find_surface
+    from pipeline.cli.newest_frame import without_credentials
     from pipeline.cli.package_version import version
     from pipeline.cli.pictures import least_side_px
-    from pipeline.cli.watch_sources import open_source, without_credentials
+    from pipeline.cli.watch_sources import open_source
     from pipeline.condition import ConditionMonitor
     from pipeline.errors import InputError
     from pipeline.executor import one_thread

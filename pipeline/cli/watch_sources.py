@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 import stat
 import threading
 import time
@@ -17,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.cli.newest_frame import RECONNECT_S, NewestFrame
+from pipeline.cli.newest_frame import RECONNECT_S, NewestFrame, without_credentials
 from pipeline.datasets.video_coding import UNKNOWN, Coding
 from pipeline.errors import InputError
 
@@ -30,7 +29,6 @@ SETTLED_LOOKS, EMPTY_LOOKS = 2, 5  # in a row with the same size; a file that is
 REPLACED_LOOKS = 2  # at which there was another file or a smaller one, more than looks at which it had grown
 DEFAULT_FRAMES_PER_SECOND = 25.0  # of a video that does not state its own
 URL_MARK = "://"
-_CREDENTIALS = re.compile(f"(?<={URL_MARK})[^/?#]*@")
 
 
 @dataclass(frozen=True)
@@ -78,11 +76,6 @@ def open_source(source: str, rate: float, *, wait: bool, stop: threading.Event) 
     if path.is_file() and path.suffix.lower() in SUFFIXES:
         return played_video(path, rate, stop) if wait else every_frame(path, stop)
     raise InputError(f"{source}: neither a camera index, an address (rtsp://...), a video file nor a folder")
-
-
-def without_credentials(source: str) -> str:
-    """A source as it may be printed: an address without user name and password, any other as it is."""
-    return _CREDENTIALS.sub("", source)
 
 
 def live(device: int | str, name: str, rate: float, stop: threading.Event) -> Iterator[SourceFrame]:

@@ -1,4 +1,4 @@
-"""Names of the sources of ``camera-monitor watch``."""
+"""Cameras and streams of ``camera-monitor watch``: no password is printed."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import pytest
 from click.testing import CliRunner
 
 from pipeline.cli import main
-from pipeline.cli.watch_sources import without_credentials
+from pipeline.cli.newest_frame import without_credentials
+from pipeline.datasets.video_decoder import BadVideo
 
 
 @pytest.mark.parametrize(
@@ -18,6 +19,7 @@ from pipeline.cli.watch_sources import without_credentials
         ("http://camera?at=a@b", "http://camera?at=a@b"),
         ("folder/a@b", "folder/a@b"),
         ("0", "0"),
+        ("failed: 'http://user:secret@camera/0.ts' by a@b", "failed: 'http://camera/0.ts' by a@b"),
     ],
 )
 def test_an_address_is_printed_without_user_name_and_password(source, printed):
@@ -27,6 +29,15 @@ def test_an_address_is_printed_without_user_name_and_password(source, printed):
 def test_the_password_of_an_address_is_in_no_error():
     done = CliRunner().invoke(main, ["watch", "rtsp://user:secret@127.0.0.1:9/none", "--noise", "pca"])
     assert done.exit_code == 2 and "secret" not in done.output and "127.0.0.1:9/none: cannot be opened" in done.output
+
+
+def test_the_password_of_a_part_of_a_stream_is_in_no_error(monkeypatch):
+    def refuse(address, **options):  # as FFmpeg states it
+        raise BadVideo(address, "Error when loading first segment 'http://user:secret@camera/0.ts'")
+
+    monkeypatch.setattr("pipeline.datasets.video_decoder.Decoder", refuse)
+    done = CliRunner().invoke(main, ["watch", "http://user:secret@camera/list.m3u8", "--noise", "pca"])
+    assert done.exit_code == 2 and "secret" not in done.output and "segment 'http://camera/0.ts'" in done.output
 
 
 def test_the_password_of_an_address_is_in_no_line(monkeypatch):
