@@ -45,7 +45,7 @@ docs: $(READY) ## build the site of docs/ into site/, every link checked
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict && echo "site: site/index.html"
 
 # shared by benchmarks; nothing to run
-BENCHMARK_MODULES := camera_shake common flag_rates rendered_psf
+BENCHMARK_MODULES := camera_shake common flag_rates mean_amae rendered_psf
 # their records are of data or programs that only a user can give
 BENCHMARKS_OF_DATA := coded_advice coded_noise flags image_formation noise_budget noisy_blur other_frames processors real_blur unseen_kernels video_codecs
 BENCHMARKS := $(filter-out $(BENCHMARK_MODULES) $(BENCHMARKS_OF_DATA),$(basename $(notdir $(wildcard benchmarks/[a-z]*.py))))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -38,7 +40,18 @@ def formula_ap(sigma_dn, motion_px):
     return 95.0 * np.exp(-np.asarray(sigma_dn, float) / 30.0) * np.exp(-((np.asarray(motion_px, float) / 14.0) ** 2))
 
 
-@functools.cache
+def made_once(make: Callable[..., Performance]) -> Callable[..., Performance]:
+    """Tabulates a surface once a process; each caller has a copy, whose attributes are its own to change."""
+    cached = functools.cache(make)
+
+    @functools.wraps(make)
+    def copied(*arguments: float) -> Performance:
+        return copy.copy(cached(*arguments))
+
+    return copied
+
+
+@made_once
 def performance() -> Performance:
     """`formula_ap` measured at the knots of the control surface."""
     mtf = motion_mtf(SIZES, REFERENCE, 0)[::-1]
@@ -50,7 +63,7 @@ def performance() -> Performance:
     return Performance(Surface(cells), REFERENCE, 0, float(SIZES[-1]))
 
 
-@functools.cache
+@made_once
 def darker_performance(bonus_percent: float) -> Performance:
     """`performance` beside one of frames at a mean level of 0.25 that are so many points better."""
     bright = performance()
@@ -61,7 +74,7 @@ def darker_performance(bonus_percent: float) -> Performance:
     return Performance(bright.surface, REFERENCE, 0, float(SIZES[-1]), 0.5, [dark])
 
 
-@functools.cache
+@made_once
 def performance_of_three_levels() -> Performance:
     """`performance` beside ones of darker frames, at 0.3 and 0.18, that were measured up to 20 DN, as by default."""
     bright = performance()
