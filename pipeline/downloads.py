@@ -156,14 +156,14 @@ def _expected(entry: PublishedFile, folder: Path, given: str | None) -> tuple[st
     return known[0][1], known[0][0]
 
 
-def _problem(entry: PublishedFile, path: Path, found: str, expected: str | None) -> str | None:
+def _problem(entry: PublishedFile, path: Path, digest: str, expected: str | None) -> str | None:
     """Why a complete file is not the published one, or None."""
     with path.open("rb") as file:
         start = file.read(32).lstrip().lower()
     if start.startswith(_NO_FILE):
         return "a web page or a Git LFS pointer instead of the file"
-    if expected is not None and found != expected:
-        return f"SHA-256 is {found}, expected {expected}"
+    if expected is not None and digest != expected:
+        return f"SHA-256 is {digest}, expected {expected}"
     size = path.stat().st_size
     if entry.size_bytes is not None and size != entry.size_bytes:
         return f"{size} bytes, expected {entry.size_bytes}"

@@ -53,7 +53,6 @@ def command(
     Exit codes: 0 done; 2 if a file could not be used; 130 interrupted.
     """
     from collections import Counter
-    from dataclasses import replace
 
     from pipeline.camera.exposure import Camera
     from pipeline.cli import camera_store
@@ -66,7 +65,7 @@ def command(
     from pipeline.control.policy import ControlledCamera
     from pipeline.control.state import BASE_ISO, CameraState, Limits
     from pipeline.executor import one_thread
-    from pipeline.recording.measured_sensor import sensor_of
+    from pipeline.recording.measured_sensor import sensor_of, with_lower_gain
 
     one_thread()
     if exposure is not None:
@@ -77,9 +76,7 @@ def command(
         raise InputError(f"--exposure-max {exposure_max}: expected at least {shortest}, the shortest time advised")
     stored = None if camera_name is None else camera_store.load(camera_name)
     limits = Limits(exposure_max_s=exposure_max_s, gain_max=iso_max / BASE_ISO)
-    model = sensor_of(sensor).sensor
-    well_e, after_e = (each * base_iso / BASE_ISO for each in (model.full_well_e, model.read_noise_after_gain_e))
-    model = replace(model, full_well_e=well_e, read_noise_after_gain_e=after_e)  # gain 1 is ISO 100 below
+    model = with_lower_gain(sensor_of(sensor).sensor, base_iso / BASE_ISO)  # gain 1 is ISO 100 below
     camera = ControlledCamera(limits, Camera(model))
     files = expand(paths)
     performance, without = find_surface(surface)

@@ -18,6 +18,7 @@ import zipfile
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import IO
 from urllib.parse import quote
@@ -37,15 +38,15 @@ _KERNELS = f"{_RAW}/MaikWischow/Camera-Condition-Monitoring"
 
 @dataclass(frozen=True)
 class Archive:
-    """An archive of which some folders are unpacked.
+    """An archive of which a folder is unpacked.
 
     Attributes:
         file: the archive.
-        folders: of it, with all that they hold; nothing else is unpacked.
+        folder: of it, with all that it holds; nothing else is unpacked.
     """
 
     file: PublishedFile
-    folders: tuple[str, ...]
+    folder: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +81,7 @@ TABLE: dict[str, PublishedData] = {
                     size_bytes=5_601_213,
                     sha256="4efc76220d867e1c31bb980bbf8cbc02599f02a9cb4350effa98dbb04aaed880",
                 ),
-                ("training/label_2",),
+                "training/label_2",
             ),
             Archive(
                 PublishedFile(
@@ -89,7 +90,7 @@ TABLE: dict[str, PublishedData] = {
                     size_bytes=12_569_945_557,
                     sha256="351c5a2aa0cd9238b50174a3a62b846bc5855da256b82a196431d60ff8d43617",
                 ),
-                ("training/image_2",),
+                "training/image_2",
             ),
         ),
     ),
@@ -98,7 +99,7 @@ TABLE: dict[str, PublishedData] = {
         licence="MIT",
         next_step="dvc exp run -S +dataset@datasets.udacity=udacity -S datasets.udacity.root=FOLDER",
         archives=tuple(
-            Archive(PublishedFile(file=f"{name}.tar.gz", urls=(f"{_UDACITY}/{name}.tar.gz",)), (name,))
+            Archive(PublishedFile(file=f"{name}.tar.gz", urls=(f"{_UDACITY}/{name}.tar.gz",)), name)
             for name in ("object-dataset", "object-detection-crowdai")
         ),
     ),
@@ -178,7 +179,7 @@ def size_bytes(name: str) -> int | None:
 def is_there(name: str, folder: Path) -> bool:
     """Whether all of an entry of `TABLE` is below a folder; not whether it is right."""
     parts = [file.file for file in single_files(name)]
-    parts += [part for archive in TABLE[name].archives for part in archive.folders]
+    parts += [archive.folder for archive in TABLE[name].archives]
     return all((folder / part).exists() for part in parts)
 
 
@@ -197,21 +198,19 @@ def get(name: str, folder: Path, *, keep_archives: bool = False, progress: Progr
     """
     data = downloads.named(name, TABLE, "published data")
     files = single_files(name)
-    todo = [archive for archive in data.archives if not all((folder / part).is_dir() for part in archive.folders)]
+    todo = [archive for archive in data.archives if not (folder / archive.folder).is_dir()]
     _check_room(folder, _bytes_to_come(folder, [archive.file for archive in todo], files))
-    count, downloaded, first_use = 0, 0, list[str]()
+    count, downloaded, first_use = len(files), 0, list[str]()
     for file in [*files, *(archive.file for archive in todo)]:
-        result = downloads.get(file, folder, progress=_of_file(file.file, progress))
+        result = downloads.get(file, folder, progress=progress and partial(progress, file.file))
         downloaded += result.downloaded
         first_use += [file.file] if result.trust == "first use" else []
     for archive in todo:
-        for part in archive.folders:
-            if not (folder / part).is_dir():
-                count += unpack(folder / archive.file.file, part, folder / part, progress)
+        count += unpack(folder / archive.file.file, archive.folder, folder / archive.folder, progress)
         if not keep_archives:
             (folder / archive.file.file).unlink()
-    kept = [folder / part for archive in data.archives if archive not in todo for part in archive.folders]
-    return Brought(count + len(files), downloaded, tuple(kept), tuple(first_use))
+    kept = [folder / archive.folder for archive in data.archives if archive not in todo]
+    return Brought(count, downloaded, tuple(kept), tuple(first_use))
 
 
 def unpack(archive: Path, part: str, target: Path, progress: Progress | None = None) -> int:
@@ -290,9 +289,3 @@ def _check_room(folder: Path, needed: int) -> None:
             f"{printable(folder)}: {needed / 1e9:.1f} GB are needed, with room to unpack, and {free / 1e9:.1f} GB are "
             "free; give a folder on another disk"
         )
-
-
-def _of_file(name: str, progress: Progress | None) -> downloads.Progress | None:
-    if progress is None:
-        return None
-    return lambda there, total: progress(name, there, total)

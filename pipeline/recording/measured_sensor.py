@@ -89,6 +89,19 @@ def measured_sensor(folder: Path) -> MeasuredSensor:
     return MeasuredSensor(replace(sensor, dark_figure_na_per_cm2=figure), pattern, black_dn)
 
 
+def with_lower_gain(sensor: Sensor, factor: float) -> Sensor:
+    """A sensor whose gain 1 is a fraction of that at which its constants hold.
+
+    As many times more electrons fill the scale, and what the converter adds behind the gain is as many more of them.
+
+    Args:
+        sensor: its constants.
+        factor: gain at which they hold, by the gain that is to be 1: 8 for those of ISO 800 where gain 1 is ISO 100.
+    """
+    well_e, after_e = factor * sensor.full_well_e, factor * sensor.read_noise_after_gain_e
+    return replace(sensor, full_well_e=well_e, read_noise_after_gain_e=after_e)
+
+
 def _median(file: Path, table: pd.DataFrame, column: str, may_be_absent: bool = False) -> float:
     """Median of a column over the planes that have a number; 0 where none has and that may be."""
     numbers = table[column].dropna()

@@ -59,16 +59,14 @@ def png(number: int) -> bytes:
     return cv2.imencode(".png", picture(f"kitti {number}", 96, 64))[1].tobytes()
 
 
-def in_archives(
-    server: Server, archives: dict[str, tuple[bytes, tuple[str, ...]]], *, pinned: bool = True
-) -> PublishedData:
+def in_archives(server: Server, archives: dict[str, tuple[bytes, str]], *, pinned: bool = True) -> PublishedData:
     made = []
-    for name, (content, folders) in archives.items():
+    for name, (content, folder) in archives.items():
         server.files[f"/{name}"] = content
         file = PublishedFile(file=name, urls=(f"{server.base}/{name}",))
         if pinned:
             file = replace(file, size_bytes=len(content), sha256=hashlib.sha256(content).hexdigest())
-        made.append(Archive(file, folders))
+        made.append(Archive(file, folder))
     return PublishedData(holds="frames", licence="MIT", next_step="go FOLDER", archives=tuple(made))
 
 
@@ -80,8 +78,8 @@ def kitti(server: Server, monkeypatch: pytest.MonkeyPatch) -> Server:
     data = in_archives(
         server,
         {
-            "labels.zip": (zipped(labels), ("training/label_2",)),
-            "images.zip": (zipped(frames | {"testing/image_2/000000.png": b"x"}), ("training/image_2",)),
+            "labels.zip": (zipped(labels), "training/label_2"),
+            "images.zip": (zipped(frames | {"testing/image_2/000000.png": b"x"}), "training/image_2"),
         },
     )
     monkeypatch.setitem(TABLE, "kitti", data)
@@ -131,7 +129,7 @@ def test_tar_files_are_trusted_at_first_use_and_stay_in_their_folder(
     server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     members = {"./object-dataset/1.jpg": b"a", "object-dataset/../../outside.jpg": b"b", "other/2.jpg": b"c"}
-    data = in_archives(server, {"object-dataset.tar.gz": (tarred(members), ("object-dataset",))}, pinned=False)
+    data = in_archives(server, {"object-dataset.tar.gz": (tarred(members), "object-dataset")}, pinned=False)
     monkeypatch.setitem(TABLE, "udacity", data)
     folder = tmp_path / "raw" / "udacity"
     assert published.size_bytes("udacity") is None
