@@ -306,13 +306,13 @@ def _drifted(analysis: FrameAnalysis, reference_frames: int) -> list[str]:
 
 def _print_run(run: HealthRun, as_json: bool) -> None:
     """The verdict, then the table; or everything as JSON."""
-    import json
-
+    from pipeline.cli import streamed_json
     from pipeline.cli.health_rows import HEADER, line
-    from pipeline.store import plain_json
 
     if as_json:
-        click.echo(json.dumps(plain_json(run.content()), indent=2, sort_keys=True))
+        for piece in streamed_json.pieces(run.content(), ensure_ascii=True):
+            click.echo(piece, nl=False)
+        click.echo()
         return
     for sentence in run.verdict()["sentences"]:
         click.echo(sentence)

@@ -96,13 +96,14 @@ class HealthFiles:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        from pipeline.cli import streamed_json
         from pipeline.cli.health_page import page
-        from pipeline.store import write_json, write_text
+        from pipeline.store import write_text
 
         self._table.__exit__(kind, error, trace)
         self._lines.__exit__(kind, error, trace)
         content = self._run.content()
-        write_json(self._json, content)
+        streamed_json.write(self._json, content)
         write_text(self.page, page(content, self._frames))
 
     def add(self, row: dict[str, Any], image: NDArray[np.float32], condition: Condition) -> None:
