@@ -20,6 +20,15 @@ from pipeline.datasets.video_decoder import BadVideo
         ("folder/a@b", "folder/a@b"),
         ("0", "0"),
         ("failed: 'http://user:secret@camera/0.ts' by a@b", "failed: 'http://camera/0.ts' by a@b"),
+        ("rtsp://camera/?user=me&password=secret&channel=1", "rtsp://camera/?user=***&password=***&channel=1"),
+        ("rtsp://me:secret@camera/1?loginpas=secret#t", "rtsp://camera/1?loginpas=***#t"),
+        ("http://camera/v.cgi?USR=me&Pwd=sec/r?et", "http://camera/v.cgi?USR=***&Pwd=***"),
+        ("http://camera/?stream=1&u=me&p=secret", "http://camera/?stream=1&u=***&p=***"),
+        ("rtsp://camera/user=me_password=secret_channel=1.sdp", "rtsp://camera/user=***"),
+        ("http://camera/?access_token=secret and ?password=b", "http://camera/?access_token=*** and ?password=b"),
+        ("http://camera/?fps=5&group=a&step=2", "http://camera/?fps=5&group=a&step=2"),
+        ("rtsp:/me:secret@camera/1", "rtsp:/camera/1"),
+        ("C:/a@b", "C:/a@b"),
     ],
 )
 def test_an_address_is_printed_without_user_name_and_password(source, printed):
@@ -44,3 +53,16 @@ def test_the_password_of_an_address_is_in_no_line(monkeypatch):
     monkeypatch.setattr("pipeline.cli.watch_sources.live", lambda *arguments: iter(()))
     done = CliRunner().invoke(main, ["watch", "rtsp://user:secret@camera/1", "--noise", "pca"])
     assert done.exit_code == 0 and "secret" not in done.output and '"source": "rtsp://camera/1"' in done.output
+
+
+@pytest.mark.parametrize("address", ["rtsp://me:secret@camera/1", "rtsp://camera/?user=me&password=secret"])
+@pytest.mark.parametrize("command", [["health"], ["noise"], ["health", "a.png", "--out"]])
+def test_commands_that_take_files_refuse_an_address_without_its_password(command, address):
+    done = CliRunner().invoke(main, [*command, address])
+    assert done.exit_code == 2 and "secret" not in done.output
+    assert "an address; name a file or folder. camera-monitor watch reads streams" in done.output
+
+
+def test_an_address_of_one_slash_is_refused_without_its_password():
+    done = CliRunner().invoke(main, ["watch", "rtsp:/me:secret@camera/1"])
+    assert done.exit_code == 2 and "error: rtsp:/camera/1: neither a camera index" in done.output
