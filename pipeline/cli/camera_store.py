@@ -84,11 +84,22 @@ def folder() -> Path:
 
 
 def names() -> list[str]:
-    """Names of the stored cameras, sorted; none without a folder for them."""
+    """Names of the stored cameras, sorted; none without a folder for them.
+
+    Raises:
+        InputError: the folder cannot be listed.
+    """
     try:
-        return sorted(path.stem for path in folder().glob("[!.]*.json"))
+        cameras = folder()
     except InputError:
         return []
+    try:
+        files = [path for path in cameras.iterdir() if path.suffix == ".json" and path.name[0] != "."]
+    except FileNotFoundError:
+        return []
+    except OSError as error:
+        raise InputError(f"{cameras}: cannot be listed ({error.strerror}); set CAMERA_MONITOR_HOME") from None
+    return sorted(path.stem for path in files)
 
 
 def path_of(name: str) -> Path:

@@ -26,7 +26,6 @@ def command(as_json: bool, timed: bool) -> None:
 
     Exit codes: 0; 2 where a required package or a released weight file is missing or damaged.
     """
-    from pipeline.cli import camera_store
     from pipeline.cli.package_version import version
     from pipeline.executor import available_cores
 
@@ -35,10 +34,12 @@ def command(as_json: bool, timed: bool) -> None:
         f"package {name} is missing" for name, row in packages.items() if row["required"] and not row["version"]
     ]
     problems += [f"{row['file']}: {row['problem']}" for row in weights if row["problem"]]
+    cameras, without_cameras = stored_cameras()
     content: dict[str, Any] = {
         "version": version(), "python": sys.version.split()[0], "processors": available_cores(), "packages": packages,
         "weights": weights, "detector_weights": detector_weights(), "data": present(DATASETS),
-        "measured": present(MEASURED), "cameras": camera_store.names(), "stages": stages(), "problems": problems,
+        "measured": present(MEASURED), "cameras": cameras, "cameras_unknown": without_cameras, "stages": stages(),
+        "problems": problems,
     }  # fmt: skip
     if timed and not problems:
         content["milliseconds_per_frame"] = frame_time()
@@ -122,6 +123,17 @@ def present(paths: dict[str, str]) -> dict[str, bool]:
     return {name: there(Path(path)) or there(located(path)) for name, path in paths.items()}
 
 
+def stored_cameras() -> tuple[list[str], str]:
+    """Names of the calibrated cameras, and why they are unknown; that is empty where they are known."""
+    from pipeline.cli import camera_store
+    from pipeline.errors import InputError
+
+    try:
+        return camera_store.names(), ""
+    except InputError as error:
+        return [], str(error)
+
+
 def stages() -> dict[str, int]:
     """Stages of the study: ``recorded`` in ``dvc.lock`` of the checkout; empty outside of one."""
     from pipeline import yaml_text
@@ -180,7 +192,8 @@ def lines(content: dict[str, Any]) -> list[str]:
     for title, part in (("data", "data"), ("measured", "measured")):
         text.append(f"{title}:")
         text += [f"  {name:30} {'present' if there else 'absent'}" for name, there in content[part].items()]
-    text.append(f"calibrated cameras: {', '.join(content['cameras']) or 'none'}")
+    unknown = content["cameras_unknown"]
+    text.append(f"calibrated cameras: {f'unknown; {unknown}' if unknown else ', '.join(content['cameras']) or 'none'}")
     if content["stages"]:
         text.append(
             f"study: {content['stages']['recorded']} stages recorded in dvc.lock; `dvc status` names those to run"

@@ -55,6 +55,19 @@ def test_doctor_names_damaged_weights(tmp_path, monkeypatch):
     assert any(line.split()[:2] == ["a.safetensors", "released"] for line in done.output.splitlines())
 
 
+def test_doctor_names_a_folder_of_cameras_that_cannot_be_listed(tmp_path, monkeypatch):
+    monkeypatch.setenv("CAMERA_MONITOR_HOME", str(tmp_path))
+    assert "calibrated cameras: none" in call("doctor").output.splitlines()
+    (tmp_path / "cameras").touch()  # no folder: nobody can list it, root neither
+    reason = f"{tmp_path / 'cameras'}: cannot be listed (Not a directory); set CAMERA_MONITOR_HOME"
+    done = call("doctor")
+    assert done.exit_code == 0 and f"calibrated cameras: unknown; {reason}" in done.output.splitlines()
+    content = json.loads(call("doctor", "--json").stdout)
+    assert content["cameras"] == [] and content["cameras_unknown"] == reason
+    done = call("watch", tmp_path, "--camera", "front")
+    assert done.exit_code == 2 and reason in done.output
+
+
 @pytest.mark.slow
 def test_a_new_project_runs_and_its_dataset_is_valid(tmp_path):
     done = call("init", tmp_path / "mine")
