@@ -19,7 +19,7 @@ def command() -> None:
     """Measure blur estimators on pictures of one's own; ``camera-monitor health`` asks one of them."""
 
 
-@command.command("record")
+@command.command("record", epilog=shared.IN_CHECKOUT)
 @shared.overrides_argument
 @shared.dataset_option
 @click.option(

@@ -51,7 +51,7 @@ def query(surface: Path, sigma_dn: tuple[float, ...], mtf: tuple[float, ...]) ->
         raise InputError("\n".join(refused))
 
 
-@command.command("record")
+@command.command("record", epilog=shared.IN_CHECKOUT)
 @shared.overrides_argument
 @shared.dataset_option
 @click.option("--detector", required=True, help="name of the detector, likewise")

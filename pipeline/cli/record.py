@@ -15,7 +15,11 @@ from pipeline.cli.recording_config import source_option, to_option, workers_opti
 
 @click.group("record")
 def command() -> None:
-    """Measure on recorded pictures and keep numbers and provenance; no picture is kept."""
+    """Measure on recorded pictures and keep numbers and provenance; no picture is kept.
+
+    combined, denoised-blur, factors and noise-levels run in the top folder of a checkout of the repository, whose
+    conf/ they read; noise, sensor and examples in any.
+    """
 
 
 @command.command("noise")

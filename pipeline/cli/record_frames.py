@@ -25,7 +25,7 @@ def recording(name: str) -> Callable[[Callable[..., None]], click.Command]:
     def decorated(function: Callable[..., None]) -> click.Command:
         for option in reversed(OPTIONS):
             function = option(function)
-        return click.command(name)(function)
+        return click.command(name, epilog=shared.IN_CHECKOUT)(function)
 
     return decorated
 

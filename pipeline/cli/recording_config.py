@@ -13,6 +13,9 @@ from pipeline.cli.given_paths import GivenPath
 if TYPE_CHECKING:
     from pipeline.config.schema import Config
 
+IN_CHECKOUT = "OVERRIDES change conf/: run it in the top folder of a checkout of the repository."
+"""Ends the help of commands that compose a configuration, which an installed package has none of."""
+
 overrides_argument = click.argument("overrides", nargs=-1)
 dataset_option = click.option("--dataset", required=True, help="name of the dataset, which the overrides add")
 to_option = click.option(

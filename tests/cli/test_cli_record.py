@@ -121,3 +121,15 @@ def test_raw_frames_are_not_replaced_by_their_record(tmp_path):
     done = call("record", "sensor", *given)
     assert done.exit_code == 2 and f"inside the input {tmp_path / 'dark'}" in done.output
     assert (tmp_path / "dark/dark_100ms_1.tif").is_file()
+
+
+@pytest.mark.parametrize("group", ["record", "blur", "curves"])
+def test_help_names_the_commands_that_need_a_checkout(group):
+    commands = main.get_command(None, group).commands
+    for name, command in commands.items():
+        composes = "overrides" in [parameter.name for parameter in command.params]
+        text = " ".join(call(group, name, "--help").output.split())
+        assert ("in the top folder of a checkout of the repository" in text) == composes, name
+    if group == "record":
+        text = " ".join(call(group, "--help").output.split())
+        assert "combined, denoised-blur, factors and noise-levels run in the top folder of a checkout" in text
