@@ -120,15 +120,19 @@ def undecided(row: dict[str, Any], most_sigma_dn: float | None, least_mtf50: flo
     return result
 
 
-def _noisier(row: dict[str, Any], most_sigma_dn: float) -> bool:
-    """Whether the noise of a frame, or that of its rows or columns, is above a threshold.
-
-    It is, unknown as it is, where most tiles are abstained from as beyond what is measured (`BEYOND`).
-    """
-    from pipeline.noise.abstentions import LARGEST_DN
+def is_beyond(row: dict[str, Any]) -> bool:
+    """Whether most tiles of a frame are abstained from as noisier than what is measured (`BEYOND`)."""
     from pipeline.noise.base import BEYOND
 
-    beyond = row["abstained"].get("noise", {}).get(BEYOND, 0) > row["noise_patches"] / 2 and most_sigma_dn < LARGEST_DN
+    tiles = row["abstained"].get("noise", {}).get(BEYOND, 0)
+    return bool(tiles and tiles > row["noise_patches"] / 2)
+
+
+def _noisier(row: dict[str, Any], most_sigma_dn: float) -> bool:
+    """Whether the noise of a frame, or that of its rows or columns, is above a threshold; see `is_beyond`."""
+    from pipeline.noise.abstentions import LARGEST_DN
+
+    beyond = is_beyond(row) and most_sigma_dn < LARGEST_DN
     return bool(row["sigma_dn"] > most_sigma_dn or line_noise_dn(row) > most_sigma_dn or beyond)
 
 

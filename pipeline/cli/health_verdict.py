@@ -9,7 +9,7 @@ from statistics import median
 from types import MappingProxyType
 from typing import Any
 
-from pipeline.cli.health_rows import NOISE_PARTS
+from pipeline.cli.health_rows import NOISE_PARTS, is_beyond
 from pipeline.errors import printable
 
 LEAST_GAIN_PERCENT = 2.0
@@ -164,19 +164,21 @@ def median_precision(rows: Sequence[dict[str, Any]]) -> float:
 def badness(row: dict[str, Any]) -> tuple[float, ...]:
     """Order of frames from good to bad: by alarms, flags, the worse grade, then lost contrast and noise.
 
-    What is unknown counts 0, and so does a grade of blur that is uncertain.
+    What is unknown counts 0, and so does a grade of blur that is uncertain; noise beyond what is measured is very high.
     """
     import numpy as np
 
     from pipeline.condition.verdict import BLUR_GRADES, HIGHEST_NOISE, NOISE_GRADES
+    from pipeline.noise.abstentions import LARGEST_DN
 
     blur = ["", *(name for _, name in reversed(BLUR_GRADES))]
     noise = ["", *(name for _, name in NOISE_GRADES[2:]), HIGHEST_NOISE]
+    noise_grade = HIGHEST_NOISE if is_beyond(row) else row["noise"]
     grades = (
         blur.index(row["blur"]) if row["blur"] in blur and not row["blur_range"] else 0,
-        noise.index(row["noise"]) if row["noise"] in noise else 0,
+        noise.index(noise_grade) if noise_grade in noise else 0,
     )
-    lost, sigma = 1 - float(np.mean(row["mtf"])), row["sigma_dn"] / 25
+    lost, sigma = 1 - float(np.mean(row["mtf"])), (LARGEST_DN if is_beyond(row) else row["sigma_dn"]) / 25
     rest = sum(part for part in (lost, sigma) if isfinite(part))
     return float(bool(row["alarms"])), float(bool(row["flags"])), float(max(grades)), rest
 
@@ -190,9 +192,11 @@ def row_words(row: dict[str, Any], *, flags: bool = True) -> str:
     """
     from pipeline.cli.flag_words import flag_words, left_out_words
     from pipeline.condition.verdict import blur_words
+    from pipeline.noise.abstentions import LARGEST_DN
 
     blur = blur_words(row["blur"], row["blur_direction"], row["blur_range"])
-    noise = f"noise {row['noise'] or 'unknown'}{_level(*(row[name] for name in NOISE))}"
+    level = f" (beyond {LARGEST_DN:g} DN)" if is_beyond(row) else _level(*(row[name] for name in NOISE))
+    noise = f"noise {row['noise'] or 'unknown'}{level}"
     return "; ".join([blur, noise, *(flag_words(row) if flags else left_out_words(row))])
 
 
@@ -315,17 +319,22 @@ def _without_advice(row: dict[str, Any]) -> str:
 def _worst(rows: Sequence[dict[str, Any]]) -> list[str]:
     if len(rows) < 2:
         return []
-    bad = sum((row["blur"] in BAD_BLUR and not row["blur_range"]) or row["noise"] in BAD_NOISE for row in rows)
+    bad = sum(map(_is_bad, rows))
     sentences = [f"{bad} of {len(rows)} frames are at least moderately blurred or highly noisy."] if bad else []
-    measured = [row for row in rows if row["blur"] or row["noise"]]
+    measured = [row for row in rows if row["blur"] or row["noise"] or is_beyond(row)]
     if measured:
         row = max(measured, key=badness)
         sentences.append(f"Worst frame: {printable(row['picture'])}, {row_words(row)}.")
-    without = [row for row in rows if not (row["blur"] or row["noise"])]
+    without = [row for row in rows if not (row["blur"] or row["noise"] or is_beyond(row))]
     if without:
         first = ("the first " if len(without) > 1 else "") + printable(without[0]["picture"])
         sentences.append(f"Neither blur nor noise could be measured in {len(without)} of {len(rows)} frames: {first}.")
     return sentences
+
+
+def _is_bad(row: dict[str, Any]) -> bool:
+    """Whether a frame is at least moderately blurred, and surely so, or highly noisy."""
+    return (row["blur"] in BAD_BLUR and not row["blur_range"]) or row["noise"] in BAD_NOISE or is_beyond(row)
 
 
 def _partly_blurred(rows: Sequence[dict[str, Any]]) -> list[str]:

@@ -202,3 +202,20 @@ def test_the_worst_frame_has_the_worst_grade_not_the_least_contrast_on_average()
 
 def verdict_of(rows):
     return run_verdict(rows, without_precision="")["sentences"]
+
+
+def test_frames_noisier_than_what_is_measured_count_as_highly_noisy_and_as_the_worst():
+    """Their noise is unknown, but for being more than 60 DN; so may their blur be."""
+    beyond = frame_row(
+        1, noise="", sigma_dn=np.nan, sigma_high_dn=np.nan, sigma_at_most_dn=np.nan, noise_patches=20,
+        abstained={"noise": {"beyond": 11, "uncertain": 9}},
+    )  # fmt: skip
+    blind = beyond | {"picture": "v.mp4#2", "blur": "", "mtf": np.full((2, 8), np.nan)}
+    few = beyond | {"picture": "v.mp4#3", "abstained": {"noise": {"beyond": 10, "uncertain": 10}}}
+    high = frame_row(4, noise="high", sigma_dn=19.0)
+    assert sorted([beyond, few, high, blind], key=badness)[:2] == [few, high]
+    sentences = run_verdict([frame_row(0), high, beyond, few], without_precision="")["sentences"]
+    assert "2 of 4 frames are at least moderately blurred or highly noisy." in sentences
+    assert "Worst frame: v.mp4#1, slightly blurred; noise unknown (beyond 60 DN)." in sentences
+    sentences = run_verdict([high, blind], without_precision="")["sentences"]
+    assert "Worst frame: v.mp4#2, blur unknown; noise unknown (beyond 60 DN)." in sentences
