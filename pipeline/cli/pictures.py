@@ -89,8 +89,17 @@ def expand(paths: Sequence[Path]) -> list[Path]:
         else:
             raise InputError(f"{path}: no such file or folder")
     if not results:
-        raise InputError(f"no pictures in {', '.join(map(str, paths))}; expected {' '.join(sorted(PICTURES | VIDEOS))}")
+        where = f"{', '.join(map(str, paths))}{_not_searched(paths)}"
+        raise InputError(f"no pictures in {where}; expected {' '.join(sorted(PICTURES | VIDEOS))}")
     return results
+
+
+def _not_searched(folders: Sequence[Path]) -> str:
+    """That folders inside of folders are not searched, with the first of them; empty where there is none."""
+    inside = sorted(
+        str(path) for folder in folders for path in folder.iterdir() if path.is_dir() and path.name[0] != "."
+    )
+    return f", whose sub-folders are not searched: name them, as {inside[0]}" if inside else ""
 
 
 def _warn_of_unread(folder: Path, unread: Counter[str]) -> None:

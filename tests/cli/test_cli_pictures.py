@@ -76,6 +76,17 @@ def test_formats_that_can_be_read_are_taken_of_a_folder_too(tmp_path: Path, suff
     assert done.exit_code == 0 and str(file) in done.stdout, done.output
 
 
+def test_of_a_folder_of_folders_the_error_names_one(tmp_path: Path) -> None:
+    for name in ("b", "a", ".hidden"):
+        (tmp_path / name).mkdir()
+    with pytest.raises(InputError, match=f"no pictures in {tmp_path}, whose sub-folders are not searched: name them"):
+        expand([tmp_path])
+    with pytest.raises(InputError, match=f"name them, as {tmp_path / 'a'}; expected .3gp"):
+        expand([tmp_path])
+    with pytest.raises(InputError, match=f"no pictures in {tmp_path / 'a'}; expected"):
+        expand([tmp_path / "a"])
+
+
 def test_formats_that_are_not_read_are_counted_in_a_folder_and_refused_by_name(tmp_path: Path) -> None:
     save(tmp_path / "a.png")
     for name in ("b.cr3", "c.CR3", "d.dng", "._d.dng", "notes.txt"):
