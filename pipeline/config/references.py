@@ -63,6 +63,7 @@ def _problems(config: Any) -> Iterator[str]:
         for name, entry in entries.items():
             yield from _kind(f"{key}.{name}", group, entry)
     yield from _names(config)
+    yield from _reader_options(config)
     yield from _labels(config)
     yield from _paths(config)
     yield from _control(config.control)
@@ -100,6 +101,20 @@ def _kind(key: str, package: str, entry: Any) -> Iterator[str]:
     for option in entry.options:
         if option not in parameters:
             yield f"{key}.options.{option}: unknown option of '{entry.kind}'; {did_you_mean(option, parameters)}"
+
+
+def _reader_options(config: Any) -> Iterator[str]:
+    """Options of a dataset's reader that are keys of its section instead, which the reader would be given twice."""
+    sections = [(f"datasets.{name}.options", name, section.options) for name, section in config.datasets.items()]
+    sections += [
+        (f"detection.sweep.options.{name}", name, given) for name, given in config.detection.sweep.options.items()
+    ]
+    for key, name, options in sections:
+        for option in ("root", "whitelist", "limit"):
+            if option in options:
+                yield f"{key}.{option}: not among options; set datasets.{name}.{option}"
+        if "name" in options:
+            yield f"{key}.name: a dataset is called as its section, '{name}'; leave the option out"
 
 
 def _names(config: Any) -> Iterator[str]:

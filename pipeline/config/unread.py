@@ -19,8 +19,8 @@ UNCOMPOSED = ("hydra", "job")
 ALWAYS_READ = ("executor", "root", "profile", *UNCOMPOSED)
 OF_INDEX = ("limit", "whitelist", "max_rejected_fraction")
 """Keys of a dataset that act in the stage `index` alone; the others take the frames that it chose."""
-ALSO_LISTED = ("detect", "measured")
-"""Stages that follow a whitelist too, where ``detection.sweep.options`` has them read the dataset anew."""
+READ_ANEW = ("detect", "measured")
+"""Stages that follow them too, where ``detection.sweep.options`` has them read the dataset anew."""
 
 
 def warnings(stage: Stage, arguments: Sequence[str], conf: Path) -> list[str]:
@@ -83,9 +83,9 @@ def _touches(path: str, key: str) -> bool:
 
 def _of_index(stage: str, path: str) -> bool:
     head, _, last = path.rpartition(".")
-    if stage in ALSO_LISTED and last == "whitelist":
+    if stage in ("index", *READ_ANEW):
         return False
-    return stage != "index" and last in OF_INDEX and re.fullmatch(r"datasets\.[^.]+", head) is not None
+    return last in OF_INDEX and re.fullmatch(r"datasets\.[^.]+", head) is not None
 
 
 def _read(stage: str, path: str, reads: Iterable[str]) -> bool:

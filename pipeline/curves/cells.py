@@ -139,7 +139,8 @@ def gather(
         mtf_bins: centres, rising.
 
     Raises:
-        InputError: lengths differ, bins do not rise, an average precision is not in 0..100, or no tuple is left.
+        InputError: lengths differ, bins do not rise, an average precision is not in 0..100, there is no resample, or no
+            tuple is left.
     """
     sigma, contrast, precision = (np.asarray(values, dtype=float) for values in (sigma_dn, mtf, ap_percent))
     if sigma.ndim != 1 or not sigma.shape == contrast.shape == precision.shape:
@@ -151,6 +152,8 @@ def gather(
     resampled = None if ap_draws is None else np.asarray(ap_draws, dtype=float)
     if resampled is not None and (resampled.ndim != 2 or len(resampled) != len(sigma)):
         raise InputError(f"ap_draws: expected shape ({len(sigma)}, draws), not {resampled.shape}")
+    if (draws if resampled is None else resampled.shape[1]) < 1:
+        raise InputError("draws: expected at least one resample")
     sigma_centres, mtf_centres = _rising("sigma_bins_dn", sigma_bins_dn), _rising("mtf_bins", mtf_bins)
     row, column = nearest_bin(sigma, sigma_centres), nearest_bin(contrast, mtf_centres)
     used = finite & (row >= 0) & (column >= 0)

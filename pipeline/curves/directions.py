@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from pipeline.cluster_intervals import TAIL, small_sample_factor
 from pipeline.curves.cells import precision_interval
 from pipeline.curves.direction import Directions, by_direction
-from pipeline.errors import InputError
 from pipeline.store import Schema
 
 if TYPE_CHECKING:
@@ -88,16 +87,17 @@ def tables(rows: pd.DataFrame, draws: NDArray[np.float64], tolerance: float) -> 
         tolerance: rises up to this, in percent points, are not marked.
 
     Returns:
-        schemas `TABLE` and `SPREAD`.
+        schemas `TABLE` and `SPREAD`; without a row where no condition is blurred, as in a sweep of noise alone.
 
     Raises:
-        InputError: the sweep has no blur with a direction.
+        InputError: see `pipeline.curves.direction.by_direction`.
     """
     import pandas as pd
 
     blurred = (rows["kernel_size_px"] > 0).to_numpy()
     if not blurred.any():
-        raise InputError("no condition is blurred; set detection.sweep.sizes_px")
+        empty, none = (schema.conform(pd.DataFrame(columns=list(schema.columns))) for schema in (TABLE, SPREAD))
+        return empty, none
     selected = rows[blurred].reset_index(drop=True)
     result = by_direction(
         selected["target_sigma_dn"],

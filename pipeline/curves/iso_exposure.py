@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.curves.calibration import ANGLES_DEG, Calibration, calibrate, size_for_mtf_px
-from pipeline.curves.regression import FORMULAS, Fit, fit, leave_one_out
+from pipeline.curves.regression import FORMULAS, Fit, alike, fit, leave_one_out
 from pipeline.errors import InputError
 from pipeline.store import Schema
 
@@ -115,10 +115,10 @@ def tables(
     iso, exposure, percent = (data[name].to_numpy(float) for name in ("iso", "exposure_ms", "ap_percent"))
     errors = data["error_percent"].to_numpy() if "error_percent" in data.columns else None
     whole = fit(iso, exposure, percent, errors, terms, draws)
-    alike = np.ptp(percent) == 0.0  # nothing to explain: chi2, and what each term is worth, are rounding alone
+    nothing = alike(percent)  # to explain
     left = (
         {row.term: row for row in leave_one_out(iso, exposure, percent, errors)}
-        if len(terms) == len(FORMULAS) and not alike
+        if len(terms) == len(FORMULAS) and not nothing
         else {}
     )
     rows = []
@@ -132,8 +132,8 @@ def tables(
         rows.append(row)
     about = {
         "chi2": whole.chi2,
-        "r2": float("nan") if alike else whole.r2,
-        "adjusted_r2": float("nan") if alike else whole.adjusted_r2,
+        "r2": whole.r2,
+        "adjusted_r2": whole.adjusted_r2,
         "degrees": whole.degrees,
         "cells": len(data),
         "largest_residual": float(np.abs(whole.residual).max()),

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+ROUNDING_PERCENT = 1e-9
+"""Smaller differences are rounding, as of means over directions that are all alike, and no rise."""
+
 
 def rises(ap_percent: Floats, axis: int, tolerance: float = 0.0) -> NDArray[np.bool_]:
     """Cells above the nearest cell before them that has a value.
@@ -25,7 +28,7 @@ def rises(ap_percent: Floats, axis: int, tolerance: float = 0.0) -> NDArray[np.b
     ahead = np.moveaxis(np.asarray(ap_percent, dtype=float), axis, 0)
     before = previous(ahead)
     with np.errstate(invalid="ignore"):
-        marked = ahead - before > tolerance
+        marked = ahead - before > tolerance + ROUNDING_PERCENT
     return np.moveaxis(marked, 0, axis)
 
 
@@ -40,12 +43,14 @@ def rise_z(ap_percent: Floats, draws: Floats, axis: int, tolerance: float = 0.0)
 
     Returns:
         (...): (rise - tolerance) / standard deviation of the drawn rises; infinite where the draws are all alike, NaN
-        for an empty cell, the first one, and cells without draws.
+        where the values are so too, for an empty cell, the first one, and cells without draws.
     """
     ahead = np.moveaxis(np.asarray(ap_percent, dtype=float), axis, 0)
     drawn = np.moveaxis(np.asarray(draws, dtype=float), axis + 1, 0)  # (along, B, ...)
     with np.errstate(invalid="ignore", divide="ignore"):
-        z = (ahead - previous(ahead) - tolerance) / (drawn - previous(drawn)).std(axis=1)
+        excess, scatter = ahead - previous(ahead) - tolerance, (drawn - previous(drawn)).std(axis=1)
+        excess, scatter = (np.where(np.abs(part) <= ROUNDING_PERCENT, 0.0, part) for part in (excess, scatter))
+        z = excess / scatter
     return np.moveaxis(z, 0, axis)
 
 

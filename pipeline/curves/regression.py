@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.curves.monotonic import ROUNDING_PERCENT
 from pipeline.errors import InputError, did_you_mean
 
 Floats = NDArray[np.float64]
@@ -51,7 +52,7 @@ class Fit:
         value: (k,) coefficients.
         covariance: (k, k) of the coefficients.
         chi2: sum of squared residuals, each divided by its error if errors were given.
-        r2: share of the (weighted) variance that is explained.
+        r2: share of the (weighted) variance that is explained; NaN where all data are alike (`alike`).
         degrees: of freedom, n - k.
         iso: (n,) of the data.
         exposure_ms: (n,).
@@ -117,7 +118,7 @@ class LeftOut:
         largest_change: largest change of a fitted value, percent points.
         f: (chi2 without - chi2 with) / (chi2 with / degrees), the partial F statistic.
         p_value: chance of an F as large if the term were zero and errors were normal. Both are NaN without a degree of
-            freedom.
+            freedom, or where all data are alike.
     """
 
     term: str
@@ -141,7 +142,7 @@ def design(iso: ArrayLike, exposure_ms: ArrayLike, terms: Sequence[str] = tuple(
         (n, k).
 
     Raises:
-        InputError: a number that is not positive, lengths that differ, or an unknown term.
+        InputError: a number that is not positive, lengths that differ, no term, or an unknown one.
     """
     x, y = np.asarray(iso, dtype=float), np.asarray(exposure_ms, dtype=float)
     if x.ndim != 1 or x.shape != y.shape:
@@ -149,6 +150,8 @@ def design(iso: ArrayLike, exposure_ms: ArrayLike, terms: Sequence[str] = tuple(
     for name, values in (("iso", x), ("exposure_ms", y)):
         if not (np.isfinite(values) & (values > 0)).all():
             raise InputError(f"{name}: expected positive numbers; the terms divide by them")
+    if not len(terms):
+        raise InputError(f"terms: expected at least one of {', '.join(TERMS)}")
     for term in terms:
         if term not in TERMS:
             raise InputError(f"unknown term '{term}'; {did_you_mean(term, TERMS)}")
@@ -232,13 +235,18 @@ def fit(
         value=value,
         covariance=covariance,
         chi2=chi2,
-        r2=1.0 - chi2 / total if total > 0 else float("nan"),
+        r2=float("nan") if alike(data) else 1.0 - chi2 / total,
         degrees=degrees,
         iso=np.asarray(iso, dtype=float),
         exposure_ms=np.asarray(exposure_ms, dtype=float),
         ap_percent=data,
         residual=residual,
     )
+
+
+def alike(ap_percent: Floats) -> bool:
+    """Whether values (n,), at least one, are the same but for rounding, of which chi2 then consists alone."""
+    return bool(np.ptp(ap_percent) <= ROUNDING_PERCENT)
 
 
 def _common(draws: Floats, errors: Floats) -> Floats:
@@ -264,7 +272,7 @@ def leave_one_out(
         part = fit(iso, exposure_ms, ap_percent, error_percent, [term for term in whole.terms if term != left])
         excess = part.chi2 - whole.chi2
         ratio = p_value = float("nan")  # as many values as coefficients: what a term is worth cannot be told
-        if whole.degrees:
+        if whole.degrees and not alike(whole.ap_percent):
             ratio = excess * whole.degrees / whole.chi2 if whole.chi2 > 0 else float("inf")
             p_value = float(f_distribution.sf(ratio, 1, whole.degrees))
         change = float(np.abs(part.residual - whole.residual).max())

@@ -83,7 +83,8 @@ class Surface:
         if not len(self._triangles):
             raise InputError(
                 f"{len(rows)} full bins make no surface; expected at least three that meet, not all of one noise or"
-                " MTF (for a single effect see pipeline.curves.isolated)"
+                f" MTF, with at most {bridge} empty between them: more sizes of blur and noise, or coarser bins"
+                " (detection.curves), join them (for a single effect see pipeline.curves.isolated)"
             )
 
         corners = self._knots[self._triangles]
@@ -118,8 +119,17 @@ class Surface:
         return result
 
     def query(self, sigma_dn: ArrayLike, mtf: ArrayLike) -> Answer:
-        """The average precision at any number of places; what lies outside of the measured is NaN with a reason."""
-        sigma, contrast = np.broadcast_arrays(np.asarray(sigma_dn, dtype=float), np.asarray(mtf, dtype=float))
+        """The average precision at any number of places; what lies outside of the measured is NaN with a reason.
+
+        Raises:
+            InputError: as many numbers of noise as of MTF, or one of either, are not given.
+        """
+        given = np.asarray(sigma_dn, dtype=float), np.asarray(mtf, dtype=float)
+        try:
+            sigma, contrast = np.broadcast_arrays(*given)
+        except ValueError:
+            shapes = f"{given[0].shape} and {given[1].shape}"
+            raise InputError(f"sigma_dn, mtf: expected arrays of one shape, not {shapes}") from None
         entries = [self._answer(s, m) for s, m in zip(sigma.ravel(), contrast.ravel(), strict=True)]
         numbers = np.array([entry[:3] for entry in entries], dtype=float).reshape(-1, 3).T
         reasons = np.array([entry[3] for entry in entries], dtype=np.str_)

@@ -117,8 +117,13 @@ def refuse_mistaken_words(frames: Sequence[Frame], name: str, kind: str) -> None
         kind: its layout.
 
     Raises:
-        InputError: there are such labels; names words, their number and the first frame.
+        InputError: there are such labels, or one that is no text; names words, their number and the first frame.
     """
+    for frame in frames:
+        for box in frame.boxes:  # a third party's reader may give class numbers
+            if not isinstance(box.label, str):
+                given = f"{box.label!r} of type {type(box.label).__name__}"
+                raise InputError(f"dataset '{name}': frame '{frame.name}' has a box of label {given}, expected text")
     counts = Counter(box.label for frame in frames for box in frame.boxes)
     mistaken = mistaken_words(counts, kind)
     if mistaken:

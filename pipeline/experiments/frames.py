@@ -60,10 +60,14 @@ def of_dataset(
         tile_px: side of a tile for noise.
 
     Raises:
-        InputError: no frame has a patch, or too many frames are bad (`pipeline.datasets.index.index`).
+        InputError: no frame has a patch, too many frames are bad (`pipeline.datasets.index.index`), or an argument is
+            out of range.
     """
     from pipeline.datasets.index import index
 
+    check_quantity(quantity)
+    if per_frame is not None and per_frame < 1:
+        raise InputError(f"per_frame={per_frame}: expected at least 1, or None for every patch")
     result = index(dataset, patch_px=patch_px, tile_px=tile_px)
     patches = result.patches_for(PURPOSES[quantity], per_frame)
     return with_patches(result.usable, {quantity: patches}, f"dataset '{dataset.name}'")
@@ -82,10 +86,12 @@ def of_index(
             without a patch of the first quantity are left out.
 
     Raises:
-        InputError: no frame has a patch.
+        InputError: no frame has a patch, or an unknown quantity.
     """
     from pipeline.datasets.index import indexed_frames, indexed_patches
 
+    for quantity in per_frame:
+        check_quantity(quantity)
     patches = {quantity: indexed_patches(folder, PURPOSES[quantity], count) for quantity, count in per_frame.items()}
     return with_patches(indexed_frames(folder, name, section), patches, str(folder))
 
@@ -101,9 +107,13 @@ def with_patches(
         where: named in the error.
 
     Raises:
-        InputError: no frame has a patch.
+        InputError: no frame has a patch, or an unknown quantity or none.
     """
-    first = next(quantity for quantity in patches if quantity in QUANTITIES)
+    for quantity in patches:
+        check_quantity(quantity)
+    if not patches:
+        raise InputError(f"{where}: no quantity to be estimated; expected {' or '.join(QUANTITIES)}")
+    first = next(iter(patches))
     chosen = [
         TestFrame(frame, {quantity: named.get(frame.name, []) for quantity, named in patches.items()})
         for frame in frames
@@ -112,3 +122,13 @@ def with_patches(
     if not chosen:
         raise InputError(f"{where}: {WITHOUT[first]}")
     return chosen
+
+
+def check_quantity(quantity: str) -> None:
+    """Check the name of a quantity.
+
+    Raises:
+        InputError: there is no such.
+    """
+    if quantity not in QUANTITIES:
+        raise InputError(f"quantity {quantity!r}: expected {' or '.join(map(repr, QUANTITIES))}")

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pipeline.camera.settings import CameraSettings
+from pipeline.errors import InputError
+from pipeline.experiments.arguments import check_estimators, check_measured
 from pipeline.experiments.condition import grid, sharp_kernel
 from pipeline.experiments.frames import TestFrame
 from pipeline.experiments.run import Executor, Method, in_process, run
@@ -62,7 +64,15 @@ def measure(
         draws: bootstrap resamples of the intervals.
         executor: changes no result.
         label: of its progress bar.
+
+    Raises:
+        InputError: nothing to measure: no estimator, noise source, level, or frame with a tile; see
+            `pipeline.experiments.run.run`, too.
     """
+    check_estimators(estimators)
+    for name, given in (("noise_sources", noise_sources), ("target_sigmas_dn", target_sigmas_dn)):
+        if not len(given):
+            raise InputError(f"{name}: expected at least one")
     exact = run(
         frames,
         grid([sharp_kernel()], noise_sources, target_sigmas_dn),
@@ -73,6 +83,7 @@ def measure(
         label=label,
         paired=False,
     )
+    check_measured(exact, "sigma_dn")
     measurements = rounded(exact)
     return NoiseResult(written(measurements, "sigma_dn", NOISE_ESTIMATES), summarise(measurements, seed, draws))
 

@@ -30,6 +30,7 @@ from pipeline.camera.settings import CameraSettings
 from pipeline.datasets.patches import Patch, cut
 from pipeline.datasets.selection import evenly_spread
 from pipeline.executor import run_map
+from pipeline.experiments.arguments import check_arguments
 from pipeline.experiments.condition import Condition, CorruptedImage, Quantity, Subset
 from pipeline.experiments.corrupt import SharpFrame
 from pipeline.experiments.frames import TestFrame
@@ -119,6 +120,11 @@ class Method:
     of_folds: tuple[Any, ...] = ()
     prefilter: PreFilter = field(default_factory=PreFilter)
 
+    @property
+    def key(self) -> tuple[Quantity, str]:
+        """What tells it from others: an estimator of noise and one of blur may have one name."""
+        return self.quantity, self.name
+
     def opened(self, fold: int) -> Any:
         """The estimator for one fold of the frames."""
         return opened(self.of_folds[fold] if self.of_folds else self.estimator)
@@ -151,13 +157,14 @@ def run(
         `pipeline.experiments.tables.MEASUREMENTS`, in the order of frames, conditions, methods and patches.
 
     Raises:
-        InputError: an unknown estimator, option or noise source, or no answer of an estimator
-            (`pipeline.answers.asked`).
+        InputError: an unknown estimator, option or noise source, no answer of an estimator (`pipeline.answers.asked`),
+            an object that is no estimator, two methods of one name and quantity, or no `TestFrame`.
     """
     import pandas as pd
 
-    takes = {method.name: {item.frame.name for item in evenly_spread(frames, method.frames)} for method in methods}
-    work = [(item, tuple(name for name, chosen in takes.items() if item.frame.name in chosen)) for item in frames]
+    check_arguments(frames, methods)
+    takes = {method.key: {item.frame.name for item in evenly_spread(frames, method.frames)} for method in methods}
+    work = [(item, tuple(key for key, chosen in takes.items() if item.frame.name in chosen)) for item in frames]
     measure = partial(
         measure_frame,
         conditions=conditions,
@@ -174,7 +181,7 @@ def run(
 
 
 def measure_frame(
-    work: tuple[TestFrame, Sequence[str]],
+    work: tuple[TestFrame, Sequence[tuple[Quantity, str]]],
     *,
     conditions: Sequence[Condition],
     methods: Sequence[Method],
@@ -185,7 +192,7 @@ def measure_frame(
     """What one worker does: one frame under all conditions.
 
     Args:
-        work: the frame, and the names of the methods that take it.
+        work: the frame, and the keys of the methods that take it.
         conditions: see `run`, like all that follow.
         methods: all, those that do not take the frame among them.
         camera: that forms the corrupted images.
@@ -195,16 +202,16 @@ def measure_frame(
     Returns:
         columns of `pipeline.experiments.tables.MEASUREMENTS`; empty without any estimate.
     """
-    item, names = work
+    item, keys = work
     sharp = SharpFrame(item.frame, camera, seed, paired=paired)
-    estimators = {method.name: method.opened(item.fold) for method in methods if method.name in names}
+    estimators = {method.key: method.opened(item.fold) for method in methods if method.key in keys}
     saturated = {quantity: saturated_fraction(cut(sharp.image, patches)) for quantity, patches in item.patches.items()}
     rows, views = _Rows(), dict[bool, _View]()
     for condition in conditions:
         active = [
             method
             for method in methods
-            if method.name in names
+            if method.key in keys
             and method.quantity in condition.quantities
             and item.patches.get(method.quantity)
             and method.subset.holds(condition)
@@ -216,7 +223,7 @@ def measure_frame(
             views[condition.noisy] = _View(sharp, condition, image, item.patches)
         view = views[condition.noisy]
         for method in active:
-            estimator = estimators[method.name]
+            estimator = estimators[method.key]
             plain = view.estimate(method, estimator)
             about = {**_about(item.frame, condition), **_about_method(method, estimator)}
             if method.quantity == "sigma_dn":

@@ -19,8 +19,10 @@ from typing import TYPE_CHECKING, Any
 from pipeline import blur
 from pipeline.blur.camera_calibration import CameraMap
 from pipeline.camera.mtf import CAMERA, SYSTEM
+from pipeline.camera.psf.kernel import Kernel
 from pipeline.camera.settings import CameraSettings
 from pipeline.errors import InputError
+from pipeline.experiments.arguments import check_estimators, check_measured
 from pipeline.experiments.calibrate import Calibrated, cross_fit, divided_by_sharp, in_folds
 from pipeline.experiments.condition import grid, sharp_kernel
 from pipeline.experiments.frames import TestFrame
@@ -31,7 +33,6 @@ from pipeline.experiments.tables import BLUR_ESTIMATES, BLUR_SUMMARY, rounded, w
 if TYPE_CHECKING:
     import pandas as pd
 
-    from pipeline.camera.psf.kernel import Kernel
     from pipeline.experiments.settings import BlurEstimatorSettings
 
 
@@ -97,20 +98,23 @@ def measure(
         label: name -> that of the progress bar.
 
     Raises:
-        InputError: no estimator, no frame, or an estimator that answers something else than a
+        InputError: no estimator, no frame with a patch, no kernel, or an estimator that answers something else than a
             `pipeline.blur.base.BlurEstimate` of all patches; an unknown estimator or option, too few frames to
             calibrate on, a frame that is not among them, or no estimate for sharp frames to divide by.
     """
     import pandas as pd
 
-    if not estimators:
-        raise InputError("estimators: expected at least one, as name -> estimator")
+    check_estimators(estimators)
     if not frames:
         raise InputError("frames: expected at least one frame to estimate on")
     if kernels is None:
         from pipeline.camera.psf.bank import bank
 
         kernels = bank(seed=seed)
+    for kernel in kernels:
+        if not isinstance(kernel, Kernel):
+            expected = "pipeline.camera.psf.kernel.Kernel, as pipeline.camera.psf.bank.bank(...) makes them"
+            raise InputError(f"kernels: expected {expected}, not {type(kernel).__name__}")
     conditions = grid([sharp_kernel(), *kernels])
     estimates, parts, calibrations = [], [], dict[str, Sequence[CameraMap]]()
     for name, given in estimators.items():
@@ -128,6 +132,7 @@ def measure(
             )
             method = replace(method, of_folds=tuple(Calibrated(candidate.estimator, c) for c in calibrations[name]))
         exact = run(chosen, conditions, [method], camera=camera, seed=seed, executor=executor, label=label(name))
+        check_measured(exact, "mtf")
         measurements = rounded(exact)
         estimates.append(written(measurements, "mtf", BLUR_ESTIMATES))
         parts.append(raw_and_divided(measurements, seed, draws))

@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline import store
 from pipeline.curves import directions, precision
-from pipeline.datasets.selection import evaluation_frames, evenly_spread, scenes_of
+from pipeline.datasets.selection import evenly_spread, scenes_of
 from pipeline.detection.words import check_words
 from pipeline.errors import InputError
 from pipeline.experiments import detect, iopc
 from pipeline.experiments.class_maps import class_map, refuse_mistaken_words
 from pipeline.experiments.condition import sweep_kernels
 from pipeline.experiments.summarise import condition_medians
+from pipeline.experiments.sweep_frames import sweep_frames
 from pipeline.recording.kept_results import Map, keyed
 from pipeline.recording.provenance import blur_weights, inputs_of, noise_weights, write_csv
 from pipeline.report import style
@@ -142,7 +143,7 @@ def labelled_frames(config: Config, dataset: str) -> list[Frame]:
         for row in left_out:
             print(f"warning: dataset '{dataset}': {row.file} is left out: {row.reason}", file=sys.stderr)
         return evenly_spread(usable, count)
-    return evaluation_frames(None, dataset, section, options, count)
+    return sweep_frames(dataset, section, options, count, None)
 
 
 def _measure(

@@ -24,19 +24,22 @@ def run(run: Run) -> None:
     from functools import partial
 
     from pipeline import store
+    from pipeline.config.hydra_plugins.named_files import hashes
     from pipeline.config.hydra_plugins.plug_in_sources import digest
-    from pipeline.datasets.selection import evaluation_frames, scenes_of
+    from pipeline.datasets.selection import scenes_of
     from pipeline.detection import checkpoint
     from pipeline.detection.words import check_words
     from pipeline.experiments import detect
     from pipeline.experiments.class_maps import class_map, refuse_mistaken_words
     from pipeline.experiments.condition import sweep_kernels
+    from pipeline.experiments.sweep_frames import sweep_frames
 
     dataset, name, params = run.job["dataset"], run.job["detector"], run.params
     section, source, settings = params.detection.detectors[name], params.datasets[dataset], params.detection.sweep
     words = class_map(source.kind)
     options = settings.options.get(dataset, {})
-    frames = evaluation_frames(run.inputs / "data/index" / dataset, dataset, source, options, settings.frames)
+    index_folder = run.inputs / "data/index" / dataset
+    frames = sweep_frames(dataset, source, options, settings.frames, index_folder, run.map)
     refuse_mistaken_words(frames, dataset, source.kind)
     blurs = sweep_kernels(settings.blur, settings.sizes_px, settings.angles_deg, settings.match, params.seed)
     sweep = detect.Sweep(
@@ -50,10 +53,11 @@ def run(run: Run) -> None:
     )
     about = store.read_json(run.inputs / "data/detector" / name / "detector.json")
     detector = [about["sha256"], digest("pipeline.detection", section.kind)]
+    reader_options = {**source.options, **options}  # a third party's frames may read pictures by them
     about_run = {
         "sweep": vars(sweep),
         "detector": detector,
-        "reader": digest("pipeline.datasets", source.kind),
+        "reader": [digest("pipeline.datasets", source.kind), reader_options, hashes(reader_options)],
         "job": dict(run.job),
         "outputs": str(run.outputs),
     }

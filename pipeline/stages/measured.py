@@ -25,16 +25,17 @@ USES = {
 def run(run: Run) -> None:
     """Estimate in every frame behind every kernel at every level; write the estimates and their medians."""
     from pipeline import store
-    from pipeline.datasets.selection import evaluation_frames, scenes_of
+    from pipeline.datasets.selection import scenes_of
     from pipeline.experiments import iopc, tables
     from pipeline.experiments.class_maps import class_map, refuse_mistaken_words
     from pipeline.experiments.condition import sweep_kernels
     from pipeline.experiments.summarise import condition_medians
+    from pipeline.experiments.sweep_frames import sweep_frames
 
     name, params = run.job["dataset"], run.params
     source, settings, criteria = params.datasets[name], params.detection.sweep, params.detection.evaluation
     options = settings.options.get(name, {})
-    frames = evaluation_frames(run.inputs / "data/index" / name, name, source, options, settings.frames)
+    frames = sweep_frames(name, source, options, settings.frames, run.inputs / "data/index" / name, run.map)
     refuse_mistaken_words(frames, name, source.kind)
     estimates = iopc.measure(
         iopc.on_objects(frames, class_map(source.kind), params.detection.measure, criteria),

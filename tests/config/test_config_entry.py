@@ -223,13 +223,13 @@ def test_an_override_that_the_stage_does_not_read_is_pointed_out(override, words
     assert warnings(NOISE, [override], ROOT / "conf") == []  # whose job is refused later
 
 
-def test_a_stage_that_may_read_a_dataset_anew_follows_its_whitelist(monkeypatch):
+def test_a_stage_that_may_read_a_dataset_anew_follows_its_whitelist_and_limit(monkeypatch):
     """As `detect`, with ``detection.sweep.options`` of the dataset."""
     monkeypatch.chdir(ROOT)
     detect = stage("detect", reads=["datasets.{dataset}"], job=["dataset"])(lambda run: None)
     job = ["+job.dataset=photos"]
-    assert warnings(detect, [*job, "datasets.photos.whitelist=frames.txt"], ROOT / "conf") == []
-    assert len(warnings(detect, [*job, "datasets.photos.limit=1"], ROOT / "conf")) == 1
+    for override in ("whitelist=frames.txt", "limit=1"):
+        assert warnings(detect, [*job, f"datasets.photos.{override}"], ROOT / "conf") == []
 
 
 def test_the_stage_noise_warns_of_a_key_that_acts_in_the_index_only():

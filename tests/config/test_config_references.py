@@ -45,6 +45,8 @@ def at_top(monkeypatch):
         (["+noise.estimators.pca.calibration_samples=200"], ["noise.estimators.pca.calibration_samples"]),
         (["+real_noise.estimators.pca.per_frame=2"], ["real_noise.estimators.pca.per_frame"]),
         (["+detection.sweep.options.simm.limit=2"], ["detection.sweep.options", "did you mean 'sim'"]),
+        (["+detection.sweep.options.sim.limit=2"], ["detection.sweep.options.sim.limit", "set datasets.sim.limit"]),
+        (["+datasets.sim.options.name=x"], ["datasets.sim.options.name", "called as its section, 'sim'"]),
         (["detection.measure.mtf=spectrall"], ["detection.measure.mtf", "did you mean 'spectral'"]),
         (["control.camera.sensor=papre"], ["control.camera.sensor", "did you mean 'paper'"]),
         (["control.scenarios.dropout.fault={silent: [6, 3]}"], ["dropout.fault.silent=[6, 3]", "first and last step"]),

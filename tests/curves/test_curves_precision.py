@@ -190,8 +190,9 @@ def test_direction_is_told_apart_and_rises_are_marked(judged: tuple[pd.DataFrame
     rows, _ = directions.tables(better, draws["car"], 0.0)
     marked = rows[rows["rises_with_size"]]
     assert marked[["target_sigma_dn", "angle_deg", "kernel_size_px"]].to_numpy().tolist() == [[10.0, 0.0, 21.0]]
-    with pytest.raises(InputError, match="no condition is blurred"):
-        directions.tables(cars[cars["kernel_size_px"] == 0], draws["car"][:3], 0.0)
+    unblurred = cars[cars["kernel_size_px"] == 0]  # of a sweep of noise alone
+    nothing = directions.of_labels(unblurred, {"car": draws["car"][:3]}, 0.0)
+    assert [len(part) for part in nothing] == [0, 0] and list(nothing[1].columns) == list(spread.columns)
 
 
 def test_directions_without_an_effect_are_rarely_told_apart() -> None:

@@ -286,3 +286,8 @@ def test_bad_input_is_named() -> None:
         build(SIGMA, MTF, plane(SIGMA, MTF), generator, ap_draws=np.zeros((3, 10)))
     with pytest.raises(InputError, match="rising"):
         build(SIGMA, MTF, plane(SIGMA, MTF), generator, mtf_bins=[1.0, 0.5])
+    for resamples in ({"draws": 0}, {"ap_draws": np.zeros((len(SIGMA), 0))}):
+        with pytest.raises(InputError, match="draws: expected at least one resample"):
+            build(SIGMA, MTF, plane(SIGMA, MTF), generator, **resamples)
+    with pytest.raises(InputError, match=r"sigma_dn, mtf: expected arrays of one shape, not \(2,\) and \(3,\)"):
+        build(SIGMA, MTF, plane(SIGMA, MTF), generator).query([0, 5], [1.0, 0.9, 0.8])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import pytest
 from data_makers import make_folder, make_kitti
@@ -12,7 +12,7 @@ from plug_in_makers import plug_in
 
 from pipeline.datasets import REGISTRY, open_dataset
 from pipeline.datasets.folder import Folder
-from pipeline.datasets.frame import Box
+from pipeline.datasets.frame import Box, Frame
 from pipeline.errors import InputError
 from pipeline.experiments.class_maps import class_map, mistaken_words, refuse_mistaken_words, role_of
 
@@ -40,6 +40,13 @@ def test_labels_with_such_words_are_refused_by_word_count_and_frame(tmp_path: Pa
     with pytest.raises(InputError, match=r"'mine': .*'Cars' for 'car' \(boxes: 2\), first in frame 'frame-1'"):
         refuse_mistaken_words(frames, "mine", "folder")
     refuse_mistaken_words(open_dataset("kitti", "kitti", make_kitti(tmp_path / "kitti")).frames(), "kitti", "kitti")
+
+
+def test_a_label_that_is_no_text_is_named_with_its_frame() -> None:
+    number: Any = 3
+    frame = Frame("mine", "yard_1", Path("yard_1.png"), (Box("car", 0, 0, 9, 9), Box(number, 0, 0, 9, 9)))
+    with pytest.raises(InputError, match="'mine': frame 'yard_1' has a box of label 3 of type int, expected text"):
+        refuse_mistaken_words([frame], "mine", "folder")
 
 
 def test_a_third_party_may_define_words_that_are_alike(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

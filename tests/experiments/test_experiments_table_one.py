@@ -95,7 +95,8 @@ def test_a_relative_mtf_is_not_divided_again(work):
 def test_what_workers_are_given_can_be_sent(work):
     jobs = []
     measured(work[:1], executor=lambda function, items, label: jobs.append(function) or [function(i) for i in items])
-    one, again = jobs[0]((work[0], ("mine",))), pickle.loads(pickle.dumps(jobs[0]))((work[0], ("mine",)))
+    item = work[0], (("mtf", "mine"),)
+    one, again = jobs[0](item), pickle.loads(pickle.dumps(jobs[0]))(item)
     assert all(np.array_equal(one[name], again[name], equal_nan=one[name].dtype.kind == "f") for name in one)
 
 
