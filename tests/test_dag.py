@@ -5,13 +5,15 @@ import importlib
 import re
 from pathlib import Path
 
+import composed
 import pytest
-import yaml
+
+from pipeline import yaml_text
 
 ROOT = Path(__file__).resolve().parents[1]
-GRAPH = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
+GRAPH = composed.graph()["stages"]
 STAGES = {name: body.get("do", body) for name, body in GRAPH.items() if name != "config"}
-PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text(encoding="utf-8"))
+PARAMS = yaml_text.parse((ROOT / "params.yaml").read_text(encoding="utf-8"))
 
 
 def module_of(name):

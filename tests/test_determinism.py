@@ -5,14 +5,13 @@ import random
 import shutil
 from pathlib import Path
 
+import composed
 import pytest
-import yaml
 from control_makers import make_views
 from data_makers import make_kitti
 
 from pipeline import store, tables
 from pipeline.camera.settings import CameraSettings
-from pipeline.config.compose import compose
 from pipeline.config.schema import validate
 from pipeline.control.loop import SimulatedScene
 from pipeline.datasets.frame import Frame
@@ -37,7 +36,7 @@ ROOT = Path(__file__).resolve().parents[1]
 def tiny(folder, workers, **changes):
     """The smoke profile on three made-up KITTI frames and one small Sim viewpoint."""
     overrides = ["profile=smoke", "+dataset@datasets.kitti=kitti", f"executor.workers={workers}"]
-    content = yaml.safe_load(compose(overrides, ROOT / "conf"))
+    content = composed.content(*overrides)
     content["datasets"] = {"kitti": {**content["datasets"]["kitti"], "root": str(folder / "kitti"), **changes}}
     content["matrix"]["datasets"] = ["kitti"]
     content["corruption"]["target_sigmas_dn"] = content["noise"]["target_sigmas_dn"] = [0, 10]
@@ -138,7 +137,7 @@ def test_the_report_is_a_pure_function_of_its_inputs(data, once, tmp_path, monke
 
 def control(workers):
     """The smoke profile's control with two small viewpoints, three policies and one scenario."""
-    content = yaml.safe_load(compose(["profile=smoke", f"executor.workers={workers}"], ROOT / "conf"))
+    content = composed.content("profile=smoke", f"executor.workers={workers}")
     section = content["control"]
     names = ("fixed", "iopc_continuous", "oracle")
     section["policies"] = {name: section["policies"][name] for name in names}

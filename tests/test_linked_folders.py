@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import composed
 import pytest
 from data_makers import make_folder, make_kitti, make_udacity
 
-from pipeline.config.compose import compose, parse
 from pipeline.config.schema import Config
 from pipeline.errors import InputError
 from pipeline.linked_folders import refuse_linked_folders
@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def configured(*overrides: str) -> Config:
-    return parse(compose(["profile=smoke", "executor.workers=1", *overrides], ROOT / "conf"), "conf")
+    return composed.config("profile=smoke", "executor.workers=1", *overrides)
 
 
 def behind_link(folder: Path) -> Path:

@@ -2,11 +2,10 @@
 
 from pathlib import Path
 
+import composed
 import pytest
-import yaml
 
 from pipeline import store, tables
-from pipeline.config.compose import compose
 from pipeline.config.schema import validate
 from pipeline.stages import corrupt, index, noise, report
 
@@ -27,7 +26,7 @@ def test_recorded_frames_run_through_the_graph_and_into_a_report(shared, tmp_pat
         "corruption.noise_sources=[dcsn]",
         "executor.workers=1",
     ]
-    content = yaml.safe_load(compose(overrides, ROOT / "conf"))
+    content = composed.content(*overrides)
     content["datasets"] = {name: content["datasets"][name]}
     content["matrix"]["datasets"] = [name]
     config = validate(content)

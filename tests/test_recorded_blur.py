@@ -7,11 +7,11 @@ import shutil
 from functools import partial
 from pathlib import Path
 
+import composed
 import numpy as np
 import pytest
 
 from pipeline.camera import kernel_bank
-from pipeline.config.compose import compose, parse
 from pipeline.config.schema import Config
 from pipeline.executor import run_map
 from pipeline.experiments import blur_records, calibrate
@@ -162,7 +162,7 @@ def configured(shared: Path, dataset: str) -> Config:
         "blur.patches_per_frame=4",
         "blur.bootstrap_draws=2",
     ]
-    return parse(compose(overrides, ROOT / "conf"), "conf/")
+    return composed.config(*overrides)
 
 
 @pytest.mark.full("measuring again takes 9 s")

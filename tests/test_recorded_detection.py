@@ -6,12 +6,12 @@ import hashlib
 from functools import partial
 from pathlib import Path
 
+import composed
 import numpy as np
 import pandas as pd
 import pytest
 
 from pipeline import store
-from pipeline.config.compose import compose, parse
 from pipeline.curves import Surface
 from pipeline.errors import InputError
 from pipeline.executor import run_map
@@ -113,7 +113,7 @@ def test_it_can_be_repeated(shared: Path, precision: pd.DataFrame, tmp_path: Pat
         "detection.sweep.angles_deg=[0]",
         "detection.sweep.target_sigmas_dn=[0,10]",
     ]
-    config = parse(compose([*configured(tmp_path / "kitti", shared), *few], ROOT / "conf"), "conf/")
+    config = composed.config(*configured(tmp_path / "kitti", shared), *few)
     record(config, "kitti", "yolox", tmp_path / "out", "again", partial(run_map, workers=1))
     again = pd.read_csv(tmp_path / "out/precision.csv")
     keys = ["label", "kernel", "target_sigma_dn"]
@@ -126,7 +126,7 @@ def test_it_can_be_repeated(shared: Path, precision: pd.DataFrame, tmp_path: Pat
 def test_an_absent_dataset_or_detector_says_how(tmp_path: Path) -> None:
     overrides = ["+dataset@datasets.kitti=kitti", f"datasets.kitti.root={tmp_path / 'none'}"]
     overrides += ["+detector@detection.detectors.yolox=yolox", f"detection.detectors.yolox.weights={tmp_path / 'w'}"]
-    config = parse(compose(overrides, ROOT / "conf"), "conf/")
+    config = composed.config(*overrides)
     with pytest.raises(InputError, match="camera-monitor weights get yolox_nano"):
         record(config, "kitti", "yolox", tmp_path / "out", "", run_map)
     (tmp_path / "w").write_bytes(b"weights")
@@ -145,7 +145,7 @@ def test_frames_with_broken_labels_are_named_and_refused_where_they_are_more_tha
         (tmp_path / "labels" / f"{number}.txt").write_text(f"{words}\n", encoding="utf-8")
     overrides = ["+dataset@datasets.mine=folder", f"datasets.mine.root={tmp_path}"]
     with pytest.raises(InputError, match=r"1 of 4 frames cannot be used.*2\.png.*line 1: expected 'class x1 y1 x2 y2"):
-        labelled_frames(parse(compose(overrides, ROOT / "conf"), "conf/"), "mine")
-    allowed = parse(compose([*overrides, "datasets.mine.max_rejected_fraction=0.25"], ROOT / "conf"), "conf/")
+        labelled_frames(composed.config(*overrides), "mine")
+    allowed = composed.config(*overrides, "datasets.mine.max_rejected_fraction=0.25")
     assert [frame.name for frame in labelled_frames(allowed, "mine")] == ["0", "1", "3"]
     assert "warning: dataset 'mine': 2.png is left out: labels/2.txt, line 1: expected" in capsys.readouterr().err

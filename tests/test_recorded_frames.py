@@ -6,10 +6,10 @@ import json
 from functools import partial
 from pathlib import Path
 
+import composed
 import numpy as np
 import pytest
 
-from pipeline.config.compose import compose, parse
 from pipeline.errors import InputError
 from pipeline.executor import run_map
 from pipeline.experiments import frame_records
@@ -54,7 +54,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def inputs(folder: Path) -> ReportInputs:
     """Records of photographs, which need no download."""
-    config = parse(compose(OVERRIDES), "conf/")
+    config = composed.config(*OVERRIDES)
     for name, made in (("noise", record_noise), ("combined", record_combined), ("denoised", record_denoised)):
         out = folder / f"photos-{name}"
         made(Request(config, "photos", out, f"{name} (public domain)", partial(run_map, workers=1)))

@@ -11,11 +11,11 @@ import sys
 import time
 from pathlib import Path
 
+import composed
 import pytest
 import yaml
 
 from pipeline import processor
-from pipeline.config.compose import compose, parse
 from pipeline.errors import InputError
 from pipeline.stages import render_sim
 
@@ -193,7 +193,7 @@ def test_pictures_that_a_worker_writes_into_another_folder_are_an_error_and_leav
         return folder / "written by a process in another folder.png"
 
     monkeypatch.setattr(render_sim, "render_viewpoint", elsewhere)
-    config = parse(compose(["profile=smoke"], ROOT / "conf"), "conf/")
+    config = composed.config("profile=smoke")
     with pytest.raises(InputError, match=r"executor\.address=.*start Dask workers in"):
         render_sim.run.run(config, {}, tmp_path, tmp_path)
     assert not list((tmp_path / "data").iterdir())

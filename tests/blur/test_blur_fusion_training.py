@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import composed
 import numpy as np
 import pytest
 
@@ -9,7 +10,6 @@ from pipeline import blur, store
 from pipeline.blur import fusion_samples, fusion_training, spectral
 from pipeline.blur.fusion_rows import Rows
 from pipeline.blur.settings import FusionRecipe, FusionTraining
-from pipeline.config.compose import compose, parse
 from pipeline.learning import weights
 from pipeline.stages.train_fusion import run as stage
 from pipeline.streams import stream
@@ -65,7 +65,7 @@ def test_the_stage_writes_weights_that_the_estimator_takes(tmp_path, monkeypatch
     monkeypatch.chdir(tmp_path)  # of the cache
     recipe = "{samples: 4}"
     overrides = [f"train.fusion={{recipe: {recipe}, steps: 5, folds: 2}}", "executor.workers=1"]
-    config = parse(compose(overrides, ROOT / "conf"), "conf/")
+    config = composed.config(*overrides)
     stage.run(config, {}, ROOT, tmp_path / "first")
     assert len(list((tmp_path / ".cache/training").glob("fusion-*/*.npz"))) == 4
     stage.run(config, {}, ROOT, tmp_path / "second")  # from the cache

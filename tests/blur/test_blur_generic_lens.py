@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import composed
 import numpy as np
 import pytest
 
@@ -11,7 +12,6 @@ from pipeline.blur.camera_calibration import Calibration
 from pipeline.camera import mtf
 from pipeline.camera.blur import blur as convolve
 from pipeline.camera.psf.defocus import create as defocus
-from pipeline.config.compose import compose, parse
 from pipeline.errors import InputError
 from pipeline.learning import images
 from pipeline.stages.generic_lens import run as stage
@@ -98,7 +98,7 @@ def test_the_stage_writes_a_map_that_depends_on_its_settings_alone(tmp_path):
     small = "{images: 4, patches: 8, samples: 120}"
     written = []
     for index, more in (("one", ["executor.workers=1"]), ("two", ["executor.workers=2"]), ("other", ["seed=8"])):
-        config = parse(compose([f"train.generic_lens={small}", *more], ROOT / "conf"), "conf/")
+        config = composed.config(f"train.generic_lens={small}", *more)
         outputs = tmp_path / index
         stage.run(config, {}, ROOT, outputs)
         written.append((outputs / "data/weights" / MAP.name).read_bytes())

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import composed
 import pytest
-import yaml
 from yolox_makers import tiny_yolox, weights_apart
 
+from pipeline import yaml_text
 from pipeline.config.compose import compose, parse
 from pipeline.config.hydra_plugins.named_files import hashes, weights_beside
 from pipeline.config.hydra_plugins.plug_in_sources import digest
@@ -57,19 +58,20 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def composed(*overrides: str) -> dict:
-    content: dict = yaml.safe_load(compose(list(overrides)))
+def compiled(*overrides: str) -> dict:
+    """Composed anew each time: files that overrides name change between."""
+    content: dict = yaml_text.parse(compose(list(overrides)))
     return content
 
 
 def test_an_edit_of_a_helper_module_changes_the_hash_of_every_member_of_the_package(package: Path) -> None:
-    before = composed(*MEMBERS)["plug_ins"]
+    before = compiled(*MEMBERS)["plug_ins"]
     names = {section: list(members) for section, members in before.items()}
     measured = {"measured_sigma": ["columns"], "measured_mtf": ["flat"]}
     assert names == {section: ["mine"] for section in before} | measured
-    assert composed(*MEMBERS)["plug_ins"] == before
+    assert compiled(*MEMBERS)["plug_ins"] == before
     (package / "inner/helper.py").write_text("SIZE = 2\n")
-    after = composed(*MEMBERS)["plug_ins"]
+    after = compiled(*MEMBERS)["plug_ins"]
     assert all(after[section][name] != before[section][name] for section in names for name in names[section])
 
 
@@ -88,12 +90,12 @@ def test_a_file_that_options_name_changes_the_hash_of_its_member_alone(
     more = ", root: /drives, dvc_dependency: /drives" if section == "datasets" else ""
     named, other = tmp_path / "named.txt", f"+{section}.other={{kind: {kind}{more}}}"
     given = f'+{section}.mine={{kind: {kind}{more}, options: {{size: 3, words: {{first: [few, "{named}"]}}}}}}'
-    absent = composed(given, other)["plug_ins"][group]
+    absent = compiled(given, other)["plug_ins"][group]
     assert absent["mine"] == absent["other"] == digest(f"pipeline.{group}", kind)
     hashed = {absent["mine"]}
     for text in ("car", "person"):
         named.write_text(text)
-        present = composed(given, other)["plug_ins"][group]
+        present = compiled(given, other)["plug_ins"][group]
         assert present["other"] == absent["other"]
         hashed.add(present["mine"])
     assert len(hashed) == 3
@@ -129,7 +131,7 @@ def test_a_module_without_package_counts_as_its_file(package: Path) -> None:
 
 
 def test_without_third_parties_the_sections_are_empty() -> None:
-    plug_ins = composed()["plug_ins"]
+    plug_ins = compiled()["plug_ins"]
     assert plug_ins and not any(plug_ins.values())
     assert digest("pipeline.noise", "pca") is None
 
@@ -144,11 +146,11 @@ def test_another_file_behind_an_option_changes_what_its_stages_depend_on(tmp_pat
     weights = tmp_path / "mine.safetensors"
     given = f'+blur.estimators.mine={{kind: spectral, options: {{weights: "{weights}", batch: 8, output: system}}}}'
     weights.write_bytes(b"first")
-    before = composed(given)["option_files"]
+    before = compiled(given)["option_files"]
     assert set(before["blur"]["mine"]) == {"weights"} and before["blur"]["spectral"] == {}
-    assert composed(given)["option_files"] == before
+    assert compiled(given)["option_files"] == before
     weights.write_bytes(b"second")
-    after = composed(given)["option_files"]
+    after = compiled(given)["option_files"]
     assert after["blur"]["mine"] != before["blur"]["mine"] and after["noise"] == before["noise"]
 
 
@@ -159,10 +161,10 @@ def test_options_may_hold_lists_of_files_and_long_texts(tmp_path: Path) -> None:
         path.write_bytes(b"part")
     listed = ", ".join(f'"{path}"' for path in parts)
     given = f"+noise.estimators.mine={{kind: pca, options: {{parts: [{listed}], text: {'long ' * 100}}}}}"
-    before = composed(given)["option_files"]["noise"]["mine"]
+    before = compiled(given)["option_files"]["noise"]["mine"]
     assert set(before) == {"parts"}
     parts[1].write_bytes(b"other")
-    assert composed(given)["option_files"]["noise"]["mine"] != before
+    assert compiled(given)["option_files"]["noise"]["mine"] != before
 
 
 @pytest.mark.usefixtures("at_top")
@@ -185,8 +187,8 @@ def test_weights_of_a_detector_in_a_file_beside_its_own_are_refused(tmp_path: Pa
 
 
 def test_stages_depend_on_whitelists_and_on_the_folder_of_kernels(package: Path, tmp_path: Path) -> None:
-    graph = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))
-    content = composed(*MEMBERS, "psf=paper", "psf.folder=/kernels")
+    graph = composed.graph()
+    content = compiled(*MEMBERS, "psf=paper", "psf.folder=/kernels")
     (index,) = (group for group in groups(graph, content) if group.name == "index")
     mine = next(item for item in index.items if item["key"] == "mine")
     assert {"${item.data}", "${item.whitelist}", "${item.images}"} <= set(index.body["deps"])
@@ -194,4 +196,4 @@ def test_stages_depend_on_whitelists_and_on_the_folder_of_kernels(package: Path,
     assert [item["key"] for item in index.items] == list(content["datasets"])
     assert "${read_files.psf}" in graph["stages"]["psf_bank"]["deps"]
     assert content["read_files"]["psf"] == "/kernels"
-    assert composed()["read_files"]["psf"] == "data/raw/README.md"
+    assert compiled()["read_files"]["psf"] == "data/raw/README.md"

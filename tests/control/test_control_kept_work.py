@@ -6,13 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import composed
 import pytest
-import yaml
 from plug_in_makers import SPOTS, plug_in
 
 from pipeline import store
-from pipeline.config.compose import compose
-from pipeline.config.schema import validate
 from pipeline.control import cache, measured_surface, views
 from pipeline.stages import closed_loop, control_surface
 
@@ -33,7 +31,7 @@ def test_an_edit_of_a_third_partys_detector_changes_the_key_though_its_hashed_fi
     (helper.parent / "__init__.py").write_text(SPOTS)
     plug_in(tmp_path, monkeypatch, "kept_spots_module", "", detection="spots = kept_spots:Spots")
     settings = ["profile=smoke", "+detection.detectors.mine={kind: spots}", "control.detector=mine"]
-    config = validate(yaml.safe_load(compose(settings, ROOT / "conf")))
+    config = composed.config(*settings)
     store.write_json(tmp_path / "data/detector/mine/detector.json", {"sha256": "of its main module"})
     monkeypatch.setattr(views, "views", lambda *given, **options: [])
     monkeypatch.setattr(views, "folds", lambda *given: [[]])

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import yaml
+import composed
 
-from pipeline.config.compose import compose
-from pipeline.config.schema import validate
 from pipeline.control import setup
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -17,7 +15,7 @@ POOR_LIGHT, MOVING_PX_S = 0.25, 100.0
 def test_motion_in_poor_light_is_flagged_by_its_definition():
     """At some step at most a quarter of daylight, and 100 px/s or more."""
     for profile in ("default", "smoke"):
-        section = validate(yaml.safe_load(compose([f"profile={profile}"], ROOT / "conf"))).control
+        section = composed.config(f"profile={profile}").control
         flagged = []
         for name, settings in section.scenarios.items():
             drive = setup.scenario(name, settings)

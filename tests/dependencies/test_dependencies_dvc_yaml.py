@@ -5,19 +5,19 @@ import inspect
 import re
 from pathlib import Path
 
+import composed
 import pytest
-import yaml
 
+from pipeline import yaml_text
 from pipeline.condition.estimate import ConditionMonitor
-from pipeline.config.compose import compose
 from pipeline.dependencies import dvc_yaml
 from pipeline.dependencies.closure import closure
 from pipeline.dependencies.stage_groups import ESTIMATORS, groups
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "dvc.yaml").read_text(encoding="utf-8")
-PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text(encoding="utf-8"))
-GRAPH = yaml.safe_load(TEXT)
+PARAMS = composed.content()
+GRAPH = composed.graph()
 GROUPS = {group.name: group for group in groups(GRAPH, PARAMS)}
 MODULES = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline").rglob("*.py"))
 
@@ -145,9 +145,9 @@ def test_stages_of_third_parties_depend_on_what_their_classes_derive_from(name):
 )
 def test_a_name_whose_code_is_not_listed_is_noticed_as_by_the_whole_comparison(overrides, listed, monkeypatch):
     monkeypatch.chdir(ROOT)
-    params = yaml.safe_load(compose(overrides))
+    params = composed.content(*overrides)
     assert dvc_yaml.unlisted(GRAPH, params) == listed
     added = {line.split("'")[1] for line in dvc_yaml.differences(TEXT, params) if "add to deps" in line}
     assert added == {line.partition(":")[0] for line in listed}
-    written = yaml.safe_load(dvc_yaml.rewritten(TEXT, params))
+    written = yaml_text.parse(dvc_yaml.rewritten(TEXT, params))
     assert dvc_yaml.unlisted(written, params) == []

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import composed
 import pytest
 import yaml
 
@@ -19,7 +20,7 @@ def project(tmp_path_factory):
     top = tmp_path_factory.mktemp("project")
     shutil.copytree(ROOT / "pipeline", top / "pipeline", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / ".dvcignore", top)
-    graph = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
+    graph = composed.graph()["stages"]
     stages = {}
     for name in ("noise_pca", "noise_cellwise", "train_mtf_cnn", "corrupt", "refit"):
         deps = [line for line in graph[name]["deps"] if line.startswith("pipeline/")]

@@ -3,12 +3,11 @@
 import hashlib
 from pathlib import Path
 
+import composed
 import pytest
-import yaml
 from data_makers import make_kitti
 
 from pipeline import store
-from pipeline.config.compose import compose
 from pipeline.config.schema import validate
 from pipeline.errors import InputError
 from pipeline.experiments.tables import BLUR_CELLS, CURVES, NOISE_CELLS
@@ -23,17 +22,12 @@ TINY = (
 
 
 def settings(root, *overrides, workers=1):
-    content = yaml.safe_load(
-        compose(
-            [
-                "profile=smoke",
-                "+dataset@datasets.kitti=kitti",
-                f"datasets.kitti.root={root}",
-                f"executor.workers={workers}",
-                *overrides,
-            ],
-            ROOT / "conf",
-        )
+    content = composed.content(
+        "profile=smoke",
+        "+dataset@datasets.kitti=kitti",
+        f"datasets.kitti.root={root}",
+        f"executor.workers={workers}",
+        *overrides,
     )
     content["datasets"] = {"kitti": content["datasets"]["kitti"]}
     content["matrix"]["datasets"] = ["kitti"]

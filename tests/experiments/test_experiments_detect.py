@@ -12,6 +12,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import composed
 import numpy as np
 import pandas as pd
 import pytest
@@ -22,7 +23,6 @@ from yolox_makers import LABELS, tiny_yolox
 
 from pipeline import store
 from pipeline.camera.settings import CameraSettings
-from pipeline.config.compose import compose
 from pipeline.config.hydra_plugins import plug_in_sources
 from pipeline.config.schema import Config, validate
 from pipeline.curves import precision
@@ -45,7 +45,7 @@ KERNELS = 5  # sharp, and two lengths in two directions
 
 def configured(folder: Path, workers: int = 1, name: str = "kitti", **options: object) -> Config:
     """The smoke profile on a made-up dataset with a detector that calls every bright cell a car."""
-    content = yaml.safe_load(compose(["profile=smoke", f"executor.workers={workers}"], ROOT / "conf"))
+    content = composed.content("profile=smoke", f"executor.workers={workers}")
     content["datasets"] = {
         name: {**yaml.safe_load((ROOT / f"conf/dataset/{name}.yaml").read_text()), "root": str(folder / name)}
     }

@@ -7,15 +7,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import composed
 import pytest
-import yaml
 from data_makers import make_kitti
 from plug_in_makers import SPOTS, plug_in
 from test_experiments_detect import KERNELS, LEVELS, ROOT, configured
 from yolox_makers import weights_apart
 
 from pipeline import store
-from pipeline.config.compose import compose, parse
 from pipeline.config.references import check_references
 from pipeline.config.schema import Config, validate
 from pipeline.detection import checkpoint
@@ -34,7 +33,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def _with_own(data: Path, section: str = "{kind: spots}") -> Config:
     """As `configured`, with a third party's detector in the place of the tiny one."""
     override = f"+detection.detectors.mine={section}"
-    content = yaml.safe_load(compose(["profile=smoke", "executor.workers=1", override], ROOT / "conf"))
+    content = composed.content("profile=smoke", "executor.workers=1", override)
     given = configured(data).model_dump(by_alias=True)
     content["datasets"], content["detection"]["sweep"] = given["datasets"], given["detection"]["sweep"]
     content["detection"] |= {"detectors": {"mine": content["detection"]["detectors"]["mine"]}, "datasets": ["kitti"]}
@@ -71,7 +70,7 @@ def test_weights_and_options_of_a_third_partys_detector_are_checked_when_compili
     override: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plug_in(tmp_path, monkeypatch, "spots_of_mine", SPOTS, detection="spots = spots_of_mine:Spots")
-    config = parse(compose([override], ROOT / "conf"), "conf/")
+    config = composed.config(override)
     monkeypatch.chdir(ROOT)
     if not words:
         return check_references(config)

@@ -3,13 +3,13 @@
 from dataclasses import replace
 from functools import partial
 
+import composed
 import cv2
 import numpy as np
 import pandas as pd
 import pytest
 
 from pipeline.camera.emva1288 import PLANES
-from pipeline.config.compose import compose, parse
 from pipeline.datasets.raw_frames import raw_frames
 from pipeline.errors import InputError
 from pipeline.executor import run_map
@@ -126,7 +126,7 @@ def test_pairs_are_measured_by_their_difference(tmp_path):
 
 
 def configuration(*overrides):
-    return parse(compose(["executor.workers=1", "real_noise.bootstrap_draws=20", *overrides]), "test")
+    return composed.config("executor.workers=1", "real_noise.bootstrap_draws=20", *overrides)
 
 
 def test_the_stage_writes_that_it_has_not_run_without_data(tmp_path):
@@ -162,7 +162,7 @@ def test_mistakes_in_a_recording_name_the_key(override, word):
     from pipeline.config.references import check_references
 
     with pytest.raises(InputError, match=word):
-        check_references(parse(compose([override]), "test"))
+        check_references(composed.config(override))
 
 
 def test_pictures_without_an_estimate_have_the_bound_of_a_frame():

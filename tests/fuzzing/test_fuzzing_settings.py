@@ -6,12 +6,12 @@ import contextlib
 from pathlib import Path
 
 import pytest
-import yaml
 from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 from mutations import WORDS, damaged, replaced
 
+from pipeline import yaml_text
 from pipeline.cli import COMMANDS, main
 from pipeline.cli.shot_settings import seconds
 from pipeline.config.compose import parse
@@ -21,7 +21,7 @@ from pipeline.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "params.yaml").read_text(encoding="utf-8")
-PARAMS = yaml.safe_load(TEXT)
+PARAMS = yaml_text.parse(TEXT)
 
 
 @given(content=replaced(PARAMS))

@@ -9,8 +9,7 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-import yaml
-
+from pipeline import yaml_text
 from pipeline.dependencies import stage_groups
 
 FREE = ("params.yaml", "dvc.yaml", "dvc.lock", ".cache/", ".git", "conf/", ".dvc", "tests/recorder/")
@@ -45,8 +44,8 @@ def records(folder):
 
 def problems(recorded, top=Path()):
     """Differences of all records, one line each."""
-    params = yaml.safe_load((top / "params.yaml").read_text(encoding="utf-8"))
-    groups = stage_groups.groups(yaml.safe_load((top / "dvc.yaml").read_text(encoding="utf-8")), params)
+    params = yaml_text.parse((top / "params.yaml").read_text(encoding="utf-8"))
+    groups = stage_groups.groups(yaml_text.parse((top / "dvc.yaml").read_text(encoding="utf-8")), params)
     results = set()
     for record in recorded:
         module, *words = record["stage"]

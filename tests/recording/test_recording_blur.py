@@ -7,6 +7,7 @@ import shutil
 from functools import partial
 from pathlib import Path
 
+import composed
 import numpy as np
 import pandas as pd
 import pytest
@@ -15,7 +16,6 @@ from data_makers import make_folder, make_kitti
 from pipeline import store, tables
 from pipeline.camera import kernel_bank
 from pipeline.camera.psf import stored
-from pipeline.config.compose import compose, parse
 from pipeline.config.schema import Config
 from pipeline.datasets.index import index
 from pipeline.datasets.open import open_section
@@ -43,7 +43,7 @@ MAP = partial(run_map, workers=1)
 
 def configured(root: Path, *more: str, kind: str = "folder") -> Config:
     overrides = [f"+dataset@datasets.mine={kind}", f"datasets.mine.root={root}", *SMALL, *more]
-    return parse(compose(overrides, REPO / "conf"), "conf/")
+    return composed.config(*overrides)
 
 
 @pytest.fixture(scope="module")

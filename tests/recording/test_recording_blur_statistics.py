@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import composed
 import numpy as np
 import pandas as pd
 import pytest
@@ -13,7 +14,6 @@ from data_makers import make_folder
 
 from pipeline import store
 from pipeline.cli import main
-from pipeline.config.compose import compose, parse
 from pipeline.config.schema import Config
 from pipeline.errors import InputError
 from pipeline.experiments.condition import SHARP
@@ -31,7 +31,7 @@ FILES = ("summary.csv", "sharp.csv", "metrics.json", "patches.csv")
 def configured(root: Path) -> Config:
     overrides = ["+dataset@datasets.mine=folder", f"datasets.mine.root={root}", "psf.kinds=[defocus]"]
     overrides += ["psf.sizes_px=[7]", "blur.bootstrap_draws=20"]
-    return parse(compose(overrides, REPO / "conf"), "conf/")
+    return composed.config(*overrides)
 
 
 def measured(root: Path, out: Path, *names: str, kept: Path | None = None) -> None:

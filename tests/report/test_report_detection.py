@@ -6,15 +6,14 @@ import dataclasses
 import shutil
 from pathlib import Path
 
+import composed
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
 from report_makers import ABSENT, REPO
 from sweep_makers import LEVELS, SIZES, sweep_tables
 
 from pipeline import store
-from pipeline.config.compose import compose
 from pipeline.config.schema import validate
 from pipeline.curves.regression import fit
 from pipeline.experiments.detect import DETECTIONS, LOOKED, OBJECTS
@@ -44,7 +43,7 @@ JUDGED = [
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> ReportInputs:
     """Two detectors on Sim through the stages after detection; the second finds a third less."""
     root = tmp_path_factory.mktemp("detection")
-    content = yaml.safe_load(compose(JUDGED, REPO / "conf"))
+    content = composed.content(*JUDGED)
     config = validate(content)
     detections, looked, objects, medians = sweep_tables()
     for number, name in enumerate(DETECTORS):
