@@ -167,13 +167,8 @@ class IopcPolicy(Policy):
         margin: float = 0.2,
     ) -> None:
         super().__init__(camera, performance)
-        if not least_gain_percent >= 0.0:
-            raise InputError(
-                f"policy {type(self).__name__}: points that a change must promise are at least 0, got "
-                f"{least_gain_percent!r}"
-            )
-        if not 0.0 <= margin <= 1.0:
-            raise InputError(f"policy {type(self).__name__}: margin is a fraction in [0, 1], got {margin!r}")
+        self.check("least_gain_percent", least_gain_percent, "points of at least 0", lambda value: value >= 0.0)
+        self.check("margin", margin, "a fraction in [0, 1]", lambda value: 0.0 <= value <= 1.0)
         self.margin = margin * (1 + self.limits.delay_frames)
         self.metering = None if target is None else Metering(target, tolerance, LARGEST_FACTOR)
         self._known_speed_px_s: float | None = None
