@@ -10,7 +10,7 @@ before they took effect does not make the policy write them again.
 Defined actions in doubt:
 
 * the estimator abstains: the split is kept, only brightness is corrected (``ABSTAINED``);
-* the surface refuses every candidate: the one nearest to the measured region is chosen;
+* the surface refuses every candidate: the one nearest to the measured region is chosen, if it is clearly nearer;
 * the surface refuses the settings decided: these are taken, and the decision is ``REFUSED``.
 
 For every frame, `IopcPolicy.frame` gathers what the decision depends on, each policy's `choose` chooses settings, and
@@ -52,6 +52,10 @@ CLIPPED_FRACTION = 0.25
 
 LARGEST_FACTOR = 32.0
 """On total exposure in one decision: a fall of light by 16 is answered at once."""
+
+EXCESS_PER_POINT = 0.05
+"""Of `Performance.excess`, as much as a point of average precision where nothing was measured at any candidate: the most
+points that hysteresis asks, eight, are then the half more that motion too long to be resolved may be, 11 of 31 px."""
 
 _RATIO_RANGE = (0.2, 5.0)
 
@@ -304,7 +308,8 @@ class IopcPolicy(Policy):
     def preferred(self, frame: Frame, among: Candidates) -> int:
         """Index of the settings kept unless the best candidate promises enough more, else of the best.
 
-        Settings kept that are no candidate, or where nothing was measured, are left in any case.
+        Settings kept that are no candidate, or where nothing was measured but at others, are left in any case. Where
+        nothing was measured at any, to be nearer to what was counts (`EXCESS_PER_POINT`).
 
         Args:
             frame: the frame.
@@ -314,6 +319,8 @@ class IopcPolicy(Policy):
         if frame.kept in among.states:
             kept = among.states.index(frame.kept)
             gain = among.value[best] - among.value[kept]
+            if math.isnan(among.value[best]):
+                gain = (among.excess[kept] - among.excess[best]) / EXCESS_PER_POINT
             if gain <= self.hysteresis.required_percent:
                 return kept
         return best
