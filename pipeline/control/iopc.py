@@ -54,8 +54,11 @@ LARGEST_FACTOR = 32.0
 """On total exposure in one decision: a fall of light by 16 is answered at once."""
 
 EXCESS_PER_POINT = 0.05
-"""Of `Performance.excess`, as much as a point of average precision where nothing was measured at any candidate: the most
-points that hysteresis asks, eight, are then the half more that motion too long to be resolved may be, 11 of 31 px."""
+"""Of `Performance.excess`, as much as a point of average precision where nothing was measured at any candidate.
+
+The most points that hysteresis asks, eight, are then the half more that motion too long to be resolved may be, 11 of
+31 px.
+"""
 
 _RATIO_RANGE = (0.2, 5.0)
 
@@ -214,7 +217,8 @@ class IopcPolicy(Policy):
         if not (observation.abstained or clipped):
             self._learn(observation, frame.state)
         elif not (clipped and self._is_informed):
-            return self._without_estimates(frame, "most of the frame is clipped" if clipped else observation.reason)
+            missing = observation.reason or "noise or MTF is no finite number"
+            return self._without_estimates(frame, "most of the frame is clipped" if clipped else missing)
         light = math.nan if clipped else self._level(observation) / frame.state.total_exposure_s
         known_px_s = self.known_speed_px_s
         jumps = self._speed.jumps if known_px_s is None else self._known_speed_jumps.update(known_px_s)

@@ -76,10 +76,10 @@ class Scenario:
     def __post_init__(self) -> None:
         for name, knots, least in (("light", self.light, 1e-9), ("speed_px_s", self.speed_px_s, 0.0)):
             places = [knot[0] for knot in knots]
-            if not knots or sorted(set(places)) != places or any(not knot[1] >= least for knot in knots):
+            if not knots or sorted(set(places)) != places or any(not least <= knot[1] < math.inf for knot in knots):
                 raise InputError(
-                    f"scenario '{self.name}': {name} is a list of [step, value] with rising steps and values of at "
-                    f"least {least:g}, got {knots!r}"
+                    f"scenario '{self.name}': {name} is a list of [step, value] with rising steps and finite "
+                    f"values of at least {least:g}, got {knots!r}"
                 )
 
     def light_at(self, step: int, exposure_s: float) -> float:

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 from pipeline.camera.sensor import check_base_gain
-from pipeline.control.options import is_number
+from pipeline.control.options import check_number, is_count, is_number
 from pipeline.errors import InputError
 
 BASE_ISO = 100.0
@@ -108,11 +108,15 @@ class Limits:
     def __post_init__(self) -> None:
         for low, high in (("exposure_min_s", "exposure_max_s"), ("gain_min", "gain_max")):
             least, most = getattr(self, low), getattr(self, high)
-            if not (math.isfinite(most) and 0 < least <= most):
+            if not (is_number(least) and is_number(most) and math.isfinite(most) and 0 < least <= most):
                 raise InputError(f"limits: expected 0 < {low} <= {high}, got {least!r} and {most!r}")
         check_base_gain("limits: gain_min", self.gain_min)
-        if self.exposure_steps_per_stop < 0 or self.gain_step_db < 0 or not 0 <= self.delay_frames <= 10:
-            raise InputError("limits: steps are at least 0 and delay_frames lies in 0..10")
+        step_db, per_stop, delay = self.gain_step_db, self.exposure_steps_per_stop, self.delay_frames
+        check_number("limits", "gain_step_db", step_db, "decibels of at least 0", lambda step: 0 <= step < math.inf)
+        if not (is_count(per_stop) and per_stop >= 0):
+            raise InputError(f"limits: exposure_steps_per_stop is {per_stop!r}; expected a whole number of at least 0")
+        if not (is_count(delay) and 0 <= delay <= 10):
+            raise InputError(f"limits: delay_frames is {delay!r}; expected a whole number in 0..10")
 
     def nearest(self, exposure_s: float, gain: float) -> CameraState:
         """The nearest settings the camera accepts, each on its own."""

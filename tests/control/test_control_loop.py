@@ -194,6 +194,8 @@ def test_scenario_light_speed_flicker_and_disturbances():
     assert drive.disturbances == [0, 4]
     lamp = Flicker(100.0, 0.8)
     assert lamp.factor(0.0123, 0.01) == pytest.approx(1.0) and lamp.factor(0.0, 0.002) > 1.2
+    with pytest.raises(InputError, match="light is a list .* finite"):
+        scenario(light=((0.0, float("inf")),))
     with pytest.raises(InputError, match="rising steps"):
         scenario(light=((3.0, 1.0), (2.0, 1.0)))
 
