@@ -86,10 +86,12 @@ def _kind(key: str, package: str, entry: Any) -> Iterator[str]:
     if not entry.options and not (detector and (entry.weights is None or not registry.is_builtin(entry.kind))):
         return
     try:
-        parameters = inspect.signature(registry.get(entry.kind)).parameters
+        parameters = dict(inspect.signature(registry.get(entry.kind)).parameters)
     except InputError as error:
         yield f"{key}: {error}"
         return
+    if package == "control":  # every policy gets these from the loop
+        parameters = {name: each for name, each in parameters.items() if name not in ("camera", "performance")}
     weights = parameters.get("weights")
     if detector and entry.weights is None and weights is not None and weights.default is inspect.Parameter.empty:
         yield f"{key}.weights: '{entry.kind}' needs a file; 'camera-monitor weights list' shows what there is"
@@ -222,7 +224,8 @@ def _takes_options(policy: Any, limits: Any) -> None:
     registry: Registry = REGISTRIES.get("control")
     if limits is None or not registry.is_builtin(policy.kind):
         return
-    if set(policy.options) <= set(inspect.signature(registry.get(policy.kind)).parameters):
+    known = set(inspect.signature(registry.get(policy.kind)).parameters) - {"camera", "performance"}
+    if set(policy.options) <= known:
         surface: Any = object()  # is not measured yet; no built-in policy asks it before a frame
         make_policy(policy.kind, policy.options, ControlledCamera(limits), surface)
 

@@ -57,6 +57,10 @@ def at_top(monkeypatch):
         (["+control.scenarios.ramp.start_exposure_ms=40"], ["ramp: ", "40 ms at ISO 100", "expected 0.05 to 33 ms"]),
         (["+control.scenarios.ramp.motion_in_poor_light=false"], ["unknown key", "ramp.motion_in_poor_light"]),
         (["control.policies.shin2019.options.probes=-1"], ["control.policies.shin2019.options: ", "probes is -1"]),
+        (
+            ["+control.policies.oracle.options={camera: 3}"],
+            ["oracle.options.camera: unknown option"],
+        ),
         (["+control.policies.oracle.options={target: 3}"], ["control.policies.oracle.options: ", "target is 3"]),
         (["control.surface.sizes_px=[3,7]"], ["control.surface.sizes_px: begins at 3"]),
         (["control.surface.darker.target_levels=[0.3,0.5]"], ["darker.target_levels: 0.5", "target_level, 0.5"]),
