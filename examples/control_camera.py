@@ -1,10 +1,12 @@
 """Control a V4L2 camera, or follow a video.
 
     python examples/control_camera.py /dev/video0
+    python examples/control_camera.py /dev/video0 --codec hevc
     python examples/control_camera.py drive.mp4 --exposure-ms 4 --iso 400 --policy mean_intensity
 
 A video cannot be controlled: its frames were taken at the settings given, and the decisions are printed only. Policies
-on performance curves need the surface that the stage ``control_surface`` writes. Ctrl-C ends it.
+on performance curves need the surface that the stage ``control_surface`` writes. Codecs hide noise: that of a live
+camera is the one that OpenCV states, or ``--codec`` where its frames were coded before. Ctrl-C ends it.
 """
 
 from __future__ import annotations
@@ -17,12 +19,11 @@ import cv2
 import numpy as np
 
 from pipeline import control
-from pipeline.condition import Condition, ConditionMonitor
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera
 from pipeline.control.state import CameraState, DelayLine, Limits
 from pipeline.datasets.video import read_video
-from pipeline.datasets.video_coding import UNKNOWN
+from pipeline.datasets.video_coding import UNKNOWN, Coding
 from pipeline.errors import InputError
 
 SURFACE = Path("data/control_surface/all.npz")
@@ -39,21 +40,23 @@ LIVE_LIMITS = Limits(exposure_min_s=EXPOSURE_UNIT_S, gain_step_db=GAIN_UNIT_DB, 
 
 
 class OpenCvCamera:
-    """A driver (`pipeline.control.driver.Driver`) on OpenCV's capture; V4L2 takes exposure and gain in whole units.
+    """A driver (`pipeline.control.driver.CodedDriver`) on OpenCV's capture.
 
-    Videos are read as the monitor reads them.
+    V4L2 takes exposure and gain in whole units. Videos are read as the monitor reads them.
 
     Args:
         source: ``/dev/video0`` or a video file.
         state: settings to begin with, or those of the video.
+        codec: of the stream, for a video that does not state it; of a live camera it counts instead of the one that
+            OpenCV states.
 
     Raises:
         OSError: the source cannot be opened.
     """
 
-    def __init__(self, source: str, state: CameraState) -> None:
+    def __init__(self, source: str, state: CameraState, codec: str = "") -> None:
         self.live = source.startswith("/dev/")
-        self.coding = UNKNOWN
+        self.codec, self.coding = codec, UNKNOWN
         self.state = self.written = state = as_written(state) if self.live else state
         self.on_their_way = DelayLine.filled(state, DELAY_FRAMES)
         if not self.live and not Path(source).is_file():
@@ -63,6 +66,7 @@ class OpenCvCamera:
             self.capture_device = cv2.VideoCapture(source)
             if not self.capture_device.isOpened():
                 raise OSError(f"{source}: expected a V4L2 camera that no other program uses")
+            self.coding = Coding(codec or stated_codec(self.capture_device))
             self.capture_device.set(cv2.CAP_PROP_AUTO_EXPOSURE, 1)  # manual
             self.apply(state)
 
@@ -74,7 +78,7 @@ class OpenCvCamera:
         """
         if not self.live:
             for _, picture, coding in self.frames:
-                self.coding = coding
+                self.coding = coding.or_by(self.codec)
                 return picture
             raise EOFError("no further frame")
         good, frame = self.capture_device.read()
@@ -102,16 +106,10 @@ def as_written(state: CameraState) -> CameraState:
     return CameraState(max(1, round(state.exposure_s / EXPOSURE_UNIT_S)) * EXPOSURE_UNIT_S, 10.0 ** (gain_db / 20.0))
 
 
-class CodedMonitor(ConditionMonitor):
-    """The default monitor, which is told how the driver's last frame was coded: codecs hide noise."""
-
-    def __init__(self, driver: OpenCvCamera) -> None:
-        super().__init__()
-        self.driver = driver
-
-    def frame(self, image: np.ndarray, codec: str = "", quantiser: int | None = None) -> Condition:
-        """See `ConditionMonitor.frame`."""
-        return super().frame(image, self.driver.coding.codec, self.driver.coding.quantiser)
+def stated_codec(capture_device: cv2.VideoCapture) -> str:
+    """Four-character code of a live stream, e.g. ``"MJPG"``; empty where OpenCV states none."""
+    code = int(capture_device.get(cv2.CAP_PROP_FOURCC))
+    return code.to_bytes(4, "little").decode("ascii", "ignore").strip(" \0") if 0 < code < 2**32 else ""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -121,13 +119,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--exposure-ms", type=float, default=8.0)
     parser.add_argument("--iso", type=float, default=100.0)
     parser.add_argument("--policy", default="iopc_continuous")
+    parser.add_argument("--codec", default="", help="of the stream: mjpeg, h264, hevc, vp8, vp9 or av1")
     options = parser.parse_args(arguments)
     try:
-        driver = OpenCvCamera(options.source, CameraState.of(options.exposure_ms, options.iso))
+        driver = OpenCvCamera(options.source, CameraState.of(options.exposure_ms, options.iso), options.codec)
         camera = ControlledCamera(LIVE_LIMITS if driver.live else Limits())
         performance = Performance.load(SURFACE) if options.policy.startswith("iopc") else None
         policy = control.create(options.policy, camera=camera, performance=performance)
-        controller = control.Controller(policy, CodedMonitor(driver) if policy.uses_estimates else None)
+        controller = control.Controller(policy)
     except (OSError, InputError) as error:
         parser.error(str(error))
     frames = 0

@@ -87,10 +87,12 @@ def _kind(key: str, package: str, entry: Any) -> Iterator[str]:
     if not entry.options and not (detector and (entry.weights is None or not registry.is_builtin(entry.kind))):
         return
     try:
-        parameters = inspect.signature(registry.get(entry.kind)).parameters
+        parameters = dict(inspect.signature(registry.get(entry.kind)).parameters)
     except InputError as error:
         yield f"{key}: {error}"
         return
+    if package == "control":  # every policy gets these from the loop
+        parameters = {name: each for name, each in parameters.items() if name not in ("camera", "performance")}
     weights = parameters.get("weights")
     if detector and entry.weights is None and weights is not None and weights.default is inspect.Parameter.empty:
         yield f"{key}.weights: '{entry.kind}' needs a file; 'camera-monitor weights list' shows what there is"
@@ -192,17 +194,21 @@ def _control(section: Any) -> Iterator[str]:
     """What the loop cannot make of its section, and settings of scenarios without effect."""
     from pipeline.control import setup
 
-    made: list[tuple[str, Callable[[], object]]] = [
-        ("control.camera.limits: ", partial(setup.limits, section.camera.limits)),
-        ("", partial(setup.designs, section.surface)),
-    ]
+    made: list[tuple[str, Callable[[], object]]] = [("", partial(setup.designs, section.surface))]
+    try:
+        limits = setup.limits(section.camera.limits)
+    except InputError as error:
+        limits = None
+        yield f"control.camera.limits: {error}"
     for name, drive in section.scenarios.items():
         key, silent = f"control.scenarios.{name}", drive.fault.silent
-        made.append((f"{key}: ", partial(setup.scenario, name, drive)))
+        made.append((f"{key}: ", partial(_begins, name, drive, limits)))
         if silent is not None and not silent[0] <= silent[1] < drive.steps:
             yield f"{key}.fault.silent={list(silent)}: expected first and last step, of {drive.steps} from 0"
         if bool(drive.flicker_hz) is not bool(drive.flicker_depth):
             yield f"{key}: flicker_hz={drive.flicker_hz:g} with flicker_depth={drive.flicker_depth:g}, expected both"
+    for name, policy in section.policies.items():
+        made.append((f"control.policies.{name}.options: ", partial(_takes_options, policy, limits)))
     for prefix, make in made:
         try:
             make()
@@ -214,6 +220,29 @@ def _control(section: Any) -> Iterator[str]:
                 f"control.surface.darker.target_levels: {level:g} is not darker than target_level, "
                 f"{section.surface.target_level:g}"
             )
+
+
+def _begins(name: str, drive: Any, limits: Any) -> None:
+    """Makes a scenario and its first settings; ``limits`` None leaves these out."""
+    from pipeline.control import setup
+
+    scenario = setup.scenario(name, drive)
+    if limits is not None:
+        scenario.first_state(limits)
+
+
+def _takes_options(policy: Any, limits: Any) -> None:
+    """Makes a built-in policy for its checks of options; unknown names are reported by `_kind`."""
+    from pipeline.control.loop import make_policy
+    from pipeline.control.policy import ControlledCamera
+
+    registry: Registry = REGISTRIES.get("control")
+    if limits is None or not registry.is_builtin(policy.kind):
+        return
+    known = set(inspect.signature(registry.get(policy.kind)).parameters) - {"camera", "performance"}
+    if set(policy.options) <= known:
+        surface: Any = object()  # is not measured yet; no built-in policy asks it before a frame
+        make_policy(policy.kind, policy.options, ControlledCamera(limits), surface)
 
 
 def _may_be_made(path: str, root: str) -> bool:

@@ -6,7 +6,6 @@ whatever changes the exposure by less than 6 % is rounded away, frame after fram
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Callable
 
@@ -83,8 +82,7 @@ class AskedExposure:
         if not kept.is_nearly(on_a_step):
             return False
         nearest = self.limits.time_first(wanted_s, self.exposure_max_s)
-        errors = [abs(math.log2(each.total_exposure_s / wanted_s)) for each in (on_a_step, nearest)]
-        return errors[0] <= errors[1] + 1e-9
+        return on_a_step.error_stops(wanted_s) <= nearest.error_stops(wanted_s) + 1e-9
 
     def _asked_s(self, state: CameraState) -> float:
         """Total exposure asked for with settings that take effect `delay_frames` frames after the next one, s."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -86,8 +87,14 @@ def transients(scenario: Scenario, table: pd.DataFrame) -> dict[str, float]:
     Args:
         scenario: the drive.
         table: schema `STEPS` of one policy.
+
+    Returns:
+        ``settling_frames``, ``overshoot_stops`` and ``ripple_stops``. All are NaN where no part between disturbances
+        shows new settings twice; settling also where a part did not settle, ripple where none settled for three frames.
     """
-    settling, overshoot, ripple = [0.0], [0.0], [0.0]
+    settling: list[float] = []
+    overshoot: list[float] = []
+    ripple: list[float] = []
     edges = [*scenario.disturbances, scenario.steps]
     groups: Any = table.groupby("fold")
     for _, rows in groups:
@@ -104,8 +111,13 @@ def transients(scenario: Scenario, table: pd.DataFrame) -> dict[str, float]:
             overshoot.append(float(max(0.0, (-came * part).max())))
             if np.isfinite(frames) and end - start - int(frames) > 2:
                 ripple.append(float(np.std(np.log2(time[start + int(frames) : end]))))
-    worst = float("nan") if np.isnan(settling).any() else max(settling)
-    return {"settling_frames": worst, "overshoot_stops": max(overshoot), "ripple_stops": max(ripple)}
+    measured = {"settling_frames": settling, "overshoot_stops": overshoot, "ripple_stops": ripple}
+    return {name: _largest(values) for name, values in measured.items()}
+
+
+def _largest(values: Sequence[float]) -> float:
+    """The largest of some values; NaN where there is none, or one of them is NaN."""
+    return float(np.max(values)) if values else math.nan
 
 
 def summary(

@@ -10,7 +10,7 @@ before they took effect does not make the policy write them again.
 Defined actions in doubt:
 
 * the estimator abstains: the split is kept, only brightness is corrected (``ABSTAINED``);
-* the surface refuses every candidate: the one nearest to the measured region is chosen;
+* the surface refuses every candidate: the one nearest to the measured region is chosen, if it is clearly nearer;
 * the surface refuses the settings decided: these are taken, and the decision is ``REFUSED``.
 
 For every frame, `IopcPolicy.frame` gathers what the decision depends on, each policy's `choose` chooses settings, and
@@ -52,6 +52,13 @@ CLIPPED_FRACTION = 0.25
 
 LARGEST_FACTOR = 32.0
 """On total exposure in one decision: a fall of light by 16 is answered at once."""
+
+EXCESS_PER_POINT = 0.05
+"""Of `Performance.excess`, as much as a point of average precision where nothing was measured at any candidate.
+
+The most points that hysteresis asks, eight, are then the half more that motion too long to be resolved may be, 11 of
+31 px.
+"""
 
 _RATIO_RANGE = (0.2, 5.0)
 
@@ -167,13 +174,8 @@ class IopcPolicy(Policy):
         margin: float = 0.2,
     ) -> None:
         super().__init__(camera, performance)
-        if not least_gain_percent >= 0.0:
-            raise InputError(
-                f"policy {type(self).__name__}: points that a change must promise are at least 0, got "
-                f"{least_gain_percent!r}"
-            )
-        if not 0.0 <= margin <= 1.0:
-            raise InputError(f"policy {type(self).__name__}: margin is a fraction in [0, 1], got {margin!r}")
+        self.check("least_gain_percent", least_gain_percent, "points of at least 0", lambda value: value >= 0.0)
+        self.check("margin", margin, "a fraction in [0, 1]", lambda value: 0.0 <= value <= 1.0)
         self.margin = margin * (1 + self.limits.delay_frames)
         self.metering = None if target is None else Metering(target, tolerance, LARGEST_FACTOR)
         self._known_speed_px_s: float | None = None
@@ -215,7 +217,8 @@ class IopcPolicy(Policy):
         if not (observation.abstained or clipped):
             self._learn(observation, frame.state)
         elif not (clipped and self._is_informed):
-            return self._without_estimates(frame, "most of the frame is clipped" if clipped else observation.reason)
+            missing = observation.reason or "noise or MTF is no finite number"
+            return self._without_estimates(frame, "most of the frame is clipped" if clipped else missing)
         light = math.nan if clipped else self._level(observation) / frame.state.total_exposure_s
         known_px_s = self.known_speed_px_s
         jumps = self._speed.jumps if known_px_s is None else self._known_speed_jumps.update(known_px_s)
@@ -309,7 +312,8 @@ class IopcPolicy(Policy):
     def preferred(self, frame: Frame, among: Candidates) -> int:
         """Index of the settings kept unless the best candidate promises enough more, else of the best.
 
-        Settings kept that are no candidate, or where nothing was measured, are left in any case.
+        Settings kept that are no candidate, or where nothing was measured but at others, are left in any case. Where
+        nothing was measured at any, to be nearer to what was counts (`EXCESS_PER_POINT`).
 
         Args:
             frame: the frame.
@@ -319,6 +323,8 @@ class IopcPolicy(Policy):
         if frame.kept in among.states:
             kept = among.states.index(frame.kept)
             gain = among.value[best] - among.value[kept]
+            if math.isnan(among.value[best]):
+                gain = (among.excess[kept] - among.excess[best]) / EXCESS_PER_POINT
             if gain <= self.hysteresis.required_percent:
                 return kept
         return best

@@ -311,11 +311,11 @@ def run(
         one record per step.
 
     Raises:
-        InputError: the policy decides on settings that the camera cannot have.
+        InputError: the policy decides on settings that the camera cannot have, or the scenario starts with such.
     """
     scene = SimulatedScene(rig, scenario, views)
     limits = replace(rig.controlled.limits, delay_frames=scenario.delay_frames)
-    state = limits.nearest(scenario.start.exposure_s, scenario.start.gain)
+    state = scenario.first_state(limits)
     line = DelayLine.filled(state, 0 if policy.sees_truth else limits.delay_frames)
     take_step = _oracle_step if policy.sees_truth else _policy_step
     records: list[StepRecord] = []

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pipeline.control.observation import Observation
-from pipeline.errors import InputError
+from pipeline.control.options import check_number
 
 _DARKEST_MEAN = 0.004  # one grey level of 8 bits
 _MOSTLY_SATURATED = 0.5
@@ -33,10 +33,13 @@ class Metering:
     damping: float = 1.0
 
     def __post_init__(self) -> None:
-        if not (0 < self.target < 1 and 0 <= self.tolerance < 1 and self.largest_factor > 1 and 0 < self.damping <= 1):
-            raise InputError(
-                "metering: expected target in (0, 1), tolerance in [0, 1), largest_factor above 1 and damping in (0, 1]"
-            )
+        for name, expected, accepts in (
+            ("target", "a fraction in (0, 1)", lambda value: 0 < value < 1),
+            ("tolerance", "a fraction in [0, 1)", lambda value: 0 <= value < 1),
+            ("largest_factor", "a number above 1", lambda value: value > 1),
+            ("damping", "a fraction in (0, 1]", lambda value: 0 < value <= 1),
+        ):
+            check_number("metering", name, getattr(self, name), expected, accepts)
 
     def accepts(self, mean_level: float) -> bool:
         """Whether a mean level is within the tolerance of the target."""

@@ -11,6 +11,8 @@ from collections.abc import Generator
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.errors import InputError
+
 Point = NDArray[np.float64]
 
 
@@ -22,15 +24,20 @@ def search(
     Args:
         simplex: (n + 1, n) starting points in [0, 1].
         tolerance: stop when worst and best differ by less.
-        evaluations: at most so many.
+        evaluations: at most so many; at least one for each starting point.
 
     Yields:
         (n,) the next point; `send` the objective there.
 
     Returns:
         the best point and its objective.
+
+    Raises:
+        InputError: fewer evaluations than starting points.
     """
     points = np.clip(np.array(simplex, dtype=np.float64), 0.0, 1.0)
+    if evaluations < len(points):
+        raise InputError(f"search: evaluations is {evaluations!r}; expected at least {len(points)}, one for each start")
     values = np.empty(len(points))
     used = 0
     for index in range(len(points)):

@@ -69,8 +69,8 @@ class Observation:
 
     @property
     def abstained(self) -> bool:
-        """Whether noise or MTF is missing."""
-        return self.sigma_dn is None or self.mtf is None
+        """Whether noise or MTF is missing, or no finite number."""
+        return any(part is None or not np.isfinite(part.value).all() for part in (self.sigma_dn, self.mtf))
 
 
 def observe(

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import ClassVar
 
 from pipeline.camera.exposure import Camera
 from pipeline.control.decision import Decision
 from pipeline.control.observation import Observation
+from pipeline.control.options import check_number
 from pipeline.control.performance import Performance
 from pipeline.control.state import CameraState, Limits
 from pipeline.errors import InputError
@@ -49,6 +51,11 @@ class Policy(ABC):
             )
         self.camera, self.limits = camera, camera.limits
         self._performance = performance
+
+    @classmethod
+    def check(cls, name: str, value: object, expected: str, accepts: Callable[[float], bool]) -> None:
+        """Refuses an option that is no number in its range; see `check_number`."""
+        check_number(f"policy {cls.__name__}", name, value, expected, accepts)
 
     @property
     def performance(self) -> Performance:

@@ -13,8 +13,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.control.settings import EstimatorFault
-from pipeline.control.state import CameraState
+from pipeline.control.state import CameraState, Limits
 from pipeline.errors import InputError
+
+POOR_LIGHT, MOVING_PX_S = 0.25, 100.0
+"""Light up to which, and speed from which, motion and noise have to be traded."""
+
+_NEARLY = 1e-9  # interpolated light errs by rounding
 
 
 @dataclass(frozen=True)
@@ -48,15 +53,12 @@ class Scenario:
         light: knots of the illumination, 1 is full daylight of the rendered scenes.
         speed_px_s: knots of the image's speed.
         direction_deg: of the motion.
-        start: settings of the first frame.
+        start: settings of the first frame; see `first_state`.
         frame_period_s: between frames.
         delay_frames: see `Limits`.
         sun_radius_fraction: radius of a sun in the picture, fraction of its width; 0 for none.
         flicker: of the lamps.
         fault: of the estimator.
-        motion_in_poor_light: whether at some step the light is at most a quarter of daylight and the image moves at
-            100 px/s or more, so that a correct exposure at base gain would blur by several pixels: policies that know
-            motion are expected to win there.
     """
 
     name: str
@@ -70,27 +72,53 @@ class Scenario:
     sun_radius_fraction: float = 0.0
     flicker: Flicker = field(default_factory=Flicker)
     fault: EstimatorFault = field(default_factory=EstimatorFault)
-    motion_in_poor_light: bool = False
 
     def __post_init__(self) -> None:
         for name, knots, least in (("light", self.light, 1e-9), ("speed_px_s", self.speed_px_s, 0.0)):
             places = [knot[0] for knot in knots]
-            if not knots or sorted(set(places)) != places or any(not knot[1] >= least for knot in knots):
+            if not knots or sorted(set(places)) != places or any(not least <= knot[1] < math.inf for knot in knots):
                 raise InputError(
-                    f"scenario '{self.name}': {name} is a list of [step, value] with rising steps and values of at "
-                    f"least {least:g}, got {knots!r}"
+                    f"scenario '{self.name}': {name} is a list of [step, value] with rising steps and finite "
+                    f"values of at least {least:g}, got {knots!r}"
                 )
 
     def light_at(self, step: int, exposure_s: float) -> float:
         """Mean illumination during the exposure of a step, flicker included."""
+        return self._steady_light_at(step) * self.flicker.factor(step * self.frame_period_s, exposure_s)
+
+    def _steady_light_at(self, step: int) -> float:
+        """Illumination at a step without flicker."""
         places, values = np.array(self.light).T
-        steady = float(np.exp(np.interp(step, places, np.log(values))))
-        return steady * self.flicker.factor(step * self.frame_period_s, exposure_s)
+        return float(np.exp(np.interp(step, places, np.log(values))))
 
     def speed_at(self, step: int) -> float:
         """Speed of the image at a step, px/s."""
         places, values = np.array(self.speed_px_s).T
         return float(np.interp(step, places, values))
+
+    @property
+    def motion_in_poor_light(self) -> bool:
+        """Whether at some step the light is at most a quarter of daylight and the image moves at 100 px/s or more.
+
+        Flicker is not regarded. A correct exposure at base gain would blur by several pixels there: policies that know
+        motion are expected to win.
+        """
+        return any(
+            self._steady_light_at(step) <= POOR_LIGHT * (1 + _NEARLY)
+            and self.speed_at(step) >= MOVING_PX_S * (1 - _NEARLY)
+            for step in range(self.steps)
+        )
+
+    def first_state(self, limits: Limits) -> CameraState:
+        """Settings of the first frame, on the steps of a camera.
+
+        Args:
+            limits: of the camera.
+
+        Raises:
+            InputError: `start` lies outside the limits.
+        """
+        return limits.stepped(self.start, f"scenario '{self.name}': start")
 
     @property
     def disturbances(self) -> list[int]:

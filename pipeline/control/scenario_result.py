@@ -39,7 +39,7 @@ class ScenarioResult:
 
     @property
     def is_demanding(self) -> bool:
-        """Whether the image moves in poor light (the scenario's flag): motion and noise have to be traded."""
+        """Whether motion and noise have to be traded; see `Scenario.motion_in_poor_light`."""
         return bool(self.summary["motion_in_poor_light"].any())
 
     @property

@@ -96,8 +96,6 @@ class ScenarioSettings(Settings):
     flicker_hz: NonNegative = 0.0
     flicker_depth: Fraction = 0.0
     fault: EstimatorFault = Field(default_factory=EstimatorFault)
-    motion_in_poor_light: bool = False
-    """Whether noise and motion blur have to be traded; see `pipeline.control.scenario.Scenario`."""
     also: Annotated[list[Name], UNIQUE] = Field(default_factory=list)
     """Policies that only this scenario runs."""
 

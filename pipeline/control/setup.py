@@ -81,7 +81,6 @@ def scenario(name: str, section: ScenarioSettings) -> Scenario:
         sun_radius_fraction=section.sun_radius_fraction,
         flicker=Flicker(section.flicker_hz, section.flicker_depth),
         fault=section.fault,
-        motion_in_poor_light=section.motion_in_poor_light,
     )
 
 

@@ -7,20 +7,16 @@ exposure time first, up to its limit, then gain; gain is reduced first.
 from __future__ import annotations
 
 import math
-import numbers
 from dataclasses import dataclass, field, replace
 
 from pipeline.camera.sensor import check_base_gain
+from pipeline.control.options import check_number, is_count, is_number
 from pipeline.errors import InputError
 
 BASE_ISO = 100.0
 DECIBELS_PER_STOP = 20.0 * math.log10(2.0)
 NEARLY_STOPS = 0.05
 """Settings this near are the same: a driver rounds exposure times to microseconds or to lines of the sensor."""
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, numbers.Real) and not isinstance(value, bool)
 
 
 @dataclass(frozen=True)
@@ -38,7 +34,7 @@ class CameraState:
     def __post_init__(self) -> None:
         for name in ("exposure_s", "gain"):
             value = getattr(self, name)
-            if not (_is_number(value) and math.isfinite(value) and value > 0):
+            if not (is_number(value) and math.isfinite(value) and value > 0):
                 raise InputError(f"camera state: {name} is {value!r}; expected a finite number above 0")
 
     @classmethod
@@ -49,7 +45,7 @@ class CameraState:
             InputError: not finite numbers above 0.
         """
         for name, value in (("exposure_ms", exposure_ms), ("iso", iso)):
-            if not _is_number(value):
+            if not is_number(value):
                 raise InputError(f"camera state: {name} is {value!r}; expected a finite number above 0")
         return cls(exposure_ms / 1e3, iso / BASE_ISO)
 
@@ -72,6 +68,10 @@ class CameraState:
     def total_exposure_s(self) -> float:
         """Time x gain; brightness is proportional to it."""
         return self.exposure_s * self.gain
+
+    def error_stops(self, total_exposure_s: float) -> float:
+        """How far the total exposure is from one wanted, stops, at least 0."""
+        return abs(math.log2(self.total_exposure_s / total_exposure_s))
 
     def is_nearly(self, other: CameraState) -> bool:
         """Whether exposure time and gain are those of other settings, but for a driver's rounding."""
@@ -108,11 +108,15 @@ class Limits:
     def __post_init__(self) -> None:
         for low, high in (("exposure_min_s", "exposure_max_s"), ("gain_min", "gain_max")):
             least, most = getattr(self, low), getattr(self, high)
-            if not (math.isfinite(most) and 0 < least <= most):
+            if not (is_number(least) and is_number(most) and math.isfinite(most) and 0 < least <= most):
                 raise InputError(f"limits: expected 0 < {low} <= {high}, got {least!r} and {most!r}")
         check_base_gain("limits: gain_min", self.gain_min)
-        if self.exposure_steps_per_stop < 0 or self.gain_step_db < 0 or not 0 <= self.delay_frames <= 10:
-            raise InputError("limits: steps are at least 0 and delay_frames lies in 0..10")
+        step_db, per_stop, delay = self.gain_step_db, self.exposure_steps_per_stop, self.delay_frames
+        check_number("limits", "gain_step_db", step_db, "decibels of at least 0", lambda step: 0 <= step < math.inf)
+        if not (is_count(per_stop) and per_stop >= 0):
+            raise InputError(f"limits: exposure_steps_per_stop is {per_stop!r}; expected a whole number of at least 0")
+        if not (is_count(delay) and 0 <= delay <= 10):
+            raise InputError(f"limits: delay_frames is {delay!r}; expected a whole number in 0..10")
 
     def nearest(self, exposure_s: float, gain: float) -> CameraState:
         """The nearest settings the camera accepts, each on its own."""
@@ -126,6 +130,25 @@ class Limits:
             most = math.floor(20.0 * math.log10(self.gain_max / self.gain_min) / self.gain_step_db + 1e-9)
             factor = self.gain_min * 10.0 ** (min(decibels, most) * self.gain_step_db / 20.0)
         return CameraState(time, factor)
+
+    def stepped(self, state: CameraState, owner: str) -> CameraState:
+        """Settings inside the ranges, on the nearest steps of the camera.
+
+        Args:
+            state: wanted settings.
+            owner: what wants them, for the error.
+
+        Raises:
+            InputError: they lie outside the ranges.
+        """
+        nearest = self.without_steps().nearest(state.exposure_s, state.gain)
+        if not (math.isclose(state.exposure_s, nearest.exposure_s) and math.isclose(state.gain, nearest.gain)):
+            raise InputError(
+                f"{owner}: {state.exposure_ms:g} ms at ISO {state.iso:g} lies outside the camera's limits; expected "
+                f"{self.exposure_min_s * 1e3:g} to {self.exposure_max_s * 1e3:g} ms and ISO "
+                f"{self.gain_min * BASE_ISO:g} to {self.gain_max * BASE_ISO:g}"
+            )
+        return self.nearest(state.exposure_s, state.gain)
 
     def accepts(self, state: CameraState) -> bool:
         """Whether the camera can have settings: inside the ranges and on the steps, but for rounding."""
@@ -147,15 +170,11 @@ class Limits:
         gain = self.nearest(exposure_s, total_exposure_s / exposure_s).gain
         time = self.nearest(total_exposure_s / gain, gain).exposure_s
         step = 2.0 ** (1.0 / self.exposure_steps_per_stop) if self.exposure_steps_per_stop else 1.0
-
-        def error_stops(state: CameraState) -> float:
-            return abs(math.log2(state.total_exposure_s / total_exposure_s))
-
         state = self.nearest(time, total_exposure_s / time)
-        if error_stops(state) <= self.gain_step_db / (2.0 * DECIBELS_PER_STOP) + 1e-9:
+        if state.error_stops(total_exposure_s) <= self.gain_step_db / (2.0 * DECIBELS_PER_STOP) + 1e-9:
             return state
         others = [self.nearest(each, total_exposure_s / each) for each in (time * step, time / step)]
-        return min([state, *others], key=error_stops)
+        return min([state, *others], key=lambda each: each.error_stops(total_exposure_s))
 
     def time_first(self, total_exposure_s: float, exposure_max_s: float | None = None) -> CameraState:
         """Settings of a total exposure, by time up to its limit, then by gain.

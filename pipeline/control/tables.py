@@ -60,9 +60,9 @@ SUMMARY = Schema(
         "regret_percent": "float64",  # AP of the oracle less that of the policy, on the same frames
         "regret_low_percent": "float64",
         "regret_high_percent": "float64",
-        "settling_frames": "float64",  # worst disturbance and fold; NaN: not settled within the scenario
-        "overshoot_stops": "float64",
-        "ripple_stops": "float64",
+        "settling_frames": "float64",  # worst disturbance and fold; NaN: not settled in the scenario, or not measured
+        "overshoot_stops": "float64",  # NaN: not measured, every part of the scenario is too short
+        "ripple_stops": "float64",  # NaN: no part settled for three frames
         "frames_lost_percent": "float64",
         "abstained_percent": "float64",
         "refused_percent": "float64",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -15,6 +16,7 @@ from pipeline.condition import ConditionMonitor
 from pipeline.control.decision import Action, Decision
 from pipeline.control.policy import ControlledCamera, Policy
 from pipeline.control.state import CameraState, DelayLine, Limits
+from pipeline.datasets.video_coding import Coding
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
@@ -133,6 +135,9 @@ def test_example_states_the_exposure_and_gain_that_were_written(monkeypatch, exp
             if key == cv2.CAP_PROP_GAIN:
                 gains_db.append(value)
 
+        def get(self, _):
+            return 0.0
+
         def read(self):
             return True, np.full((12, 16, 3), 128, np.uint8)
 
@@ -169,6 +174,9 @@ def test_example_states_the_settings_of_each_frame_of_a_camera_that_follows_late
             if key == cv2.CAP_PROP_GAIN:
                 self.gain = 10 ** (round(value) / 20)
 
+        def get(self, _):
+            return 0.0
+
         def read(self):
             self.taken = self.late.next(CameraState(self.exposure_s, self.gain))
             return True, np.rint(scene.observe(self.taken).image * 255).astype(np.uint8)
@@ -203,6 +211,76 @@ def test_example_tells_the_monitor_how_a_video_is_coded(monkeypatch, tmp_path):
     monkeypatch.setattr(ConditionMonitor, "frame", frame)
     monkeypatch.setattr(module.Performance, "load", lambda path: performance())
     assert module.main([str(path)]) == 1 and codecs == ["mjpeg"]
+
+
+@pytest.mark.parametrize(
+    ("code", "option", "codec"),
+    [
+        (cv2.VideoWriter_fourcc(*"MJPG"), "", "MJPG"),
+        (cv2.VideoWriter_fourcc(*"YUYV"), "hevc", "hevc"),  # decoded before, as by a loopback device
+        (0, "", ""),
+        (-1, "", ""),
+        (0, "h264", "h264"),
+    ],
+)
+def test_example_names_the_codec_of_a_live_stream(monkeypatch, code, option, codec):
+    module = example()
+    capture = SimpleNamespace(isOpened=lambda: True, set=lambda *_: True, get=lambda _: float(code))
+    monkeypatch.setattr(module.cv2, "VideoCapture", lambda _: capture)
+    assert module.OpenCvCamera("/dev/video0", CameraState.of(8, 100), option).coding == Coding(codec)
+
+
+class Codecs:
+    """A monitor that notes the coding of each frame and abstains."""
+
+    def __init__(self):
+        self.codings = []
+
+    def frame(self, image, codec="", quantiser=None):
+        self.codings.append((codec, quantiser))
+        return SimpleNamespace(
+            sigma_dn=None, mtf=None, reasons={"noise": {"compressed": 1}}, abstained={"noise": True, "blur": True}
+        )
+
+
+def test_controller_passes_the_coding_of_its_stream_to_the_monitor():
+    """That of a frame counts before that of the stream; without an estimate the split is kept."""
+    policy, monitor = control.create("iopc_optimal", camera=CAMERA, performance=performance()), Codecs()
+    state = CameraState.of(8, 100)
+    controller = control.Controller(policy, monitor, codec="hevc")
+    decision = controller.step(FRAME, state)
+    controller.step(FRAME, state, quantiser=20)
+    controller.step(FRAME, state, "h264", 46)
+    assert monitor.codings == [("hevc", None), ("hevc", 20), ("h264", 46)]
+    assert decision.action is Action.ABSTAINED and decision.state == state and "compressed" in decision.reason
+    control.Controller(policy, monitor).step(FRAME, state)
+    control.Controller(control.create("mean_intensity", camera=CAMERA), monitor, codec="hevc").step(FRAME, state)
+    assert monitor.codings[3:] == [("", None)]
+
+
+def test_controller_takes_the_coding_of_each_frame_from_a_driver_that_states_it():
+    class Stream(SceneCamera):
+        coding = None
+
+        def capture(self):
+            self.coding = next(codings)
+            return super().capture()
+
+    codings, monitor = iter([Coding("hevc", 30), Coding(), Coding("h264"), None, "mjpeg"]), Codecs()
+    driver = Stream(Scene(light=0.5), CameraState.of(8, 100))
+    policy = control.create("iopc_target", camera=CAMERA, performance=performance())
+    decisions = control.Controller(policy, monitor, codec="vp9").run(driver, 5)
+    for _ in range(4):
+        next(decisions)
+    assert monitor.codings == [("hevc", 30), ("vp9", None), ("h264", None), ("vp9", None)]
+    with pytest.raises(InputError, match="driver: coding is 'mjpeg'; expected .*video_coding.Coding"):
+        next(decisions)
+
+
+def test_controller_refuses_a_codec_that_is_no_name():
+    policy = control.create("iopc_optimal", camera=CAMERA, performance=performance())
+    with pytest.raises(InputError, match="codec=264"):
+        control.Controller(policy, codec=264).step(FRAME, CameraState.of(8, 100))
 
 
 class Given(Policy):

@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from control_makers import CAMERA, Scene, performance, seen_mtf
+from control_makers import CAMERA, Scene, performance, performance_of_three_levels, seen_mtf
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pipeline import control
 from pipeline.control import hysteresis
+from pipeline.control.decision import Action
 from pipeline.control.hysteresis import MOST_REVERSALS, Hysteresis
 from pipeline.control.speed import KnownSpeedJumps
 from pipeline.control.state import CameraState, DelayLine
@@ -48,6 +49,22 @@ def after_a_step_of_light(name, delay, ratio, speed, bias_fraction, frames, **op
         times.append(state.exposure_s)
         state = line.next(policy.decide(scene.observe(state), state).state)
     return np.log2(times[lead:])
+
+
+@pytest.mark.parametrize(
+    ("light", "speed_px_s"), [(1 / 256, 1_000), (1 / 128, 2_000), (1 / 64, 4_000), (1 / 32, 8_000)]
+)
+def test_where_nothing_was_measured_at_any_split_settings_do_not_alternate_for_ever(light, speed_px_s):
+    """Motion above 22 px is taken for half as much again, shorter motion for what it is."""
+    limits = replace(CAMERA.limits, exposure_steps_per_stop=6, gain_step_db=1.0)
+    policy = control.create(
+        "iopc_optimal", camera=replace(CAMERA, limits=limits), performance=performance_of_three_levels()
+    )
+    scene, state, states = Scene(light, speed_px_s), CameraState.of(8, 400), []
+    for _ in range(45):
+        decision = policy.decide(scene.observe(state), state)
+        states.append(state := decision.state)
+    assert decision.action is Action.REFUSED and len(set(states[25:])) == 1
 
 
 @given(

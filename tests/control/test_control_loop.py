@@ -194,6 +194,8 @@ def test_scenario_light_speed_flicker_and_disturbances():
     assert drive.disturbances == [0, 4]
     lamp = Flicker(100.0, 0.8)
     assert lamp.factor(0.0123, 0.01) == pytest.approx(1.0) and lamp.factor(0.0, 0.002) > 1.2
+    with pytest.raises(InputError, match="light is a list .* finite"):
+        scenario(light=((0.0, float("inf")),))
     with pytest.raises(InputError, match="rising steps"):
         scenario(light=((3.0, 1.0), (2.0, 1.0)))
 
@@ -249,6 +251,22 @@ def test_transients_are_those_of_the_brightness_not_of_the_settings():
     numbers = evaluation.transients(scenario(steps=12, light=((0.0, 1.0),)), hunting)
     assert numbers["settling_frames"] == numbers["overshoot_stops"] == 0.0
     assert numbers["ripple_stops"] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(("delay_frames", "known"), [(0, True), (4, False)])
+def test_transients_of_parts_too_short_to_measure_are_unknown(delay_frames, known):
+    """Four frames before the light falls and six after it: with a delay of four none shows new settings twice."""
+    light = ((3.0, 1.0), (4.0, 0.25))
+    drive = scenario(steps=10, light=light, delay_frames=delay_frames)
+    numbers = evaluation.transients(drive, drive_of([8.0] * 10, [100.0] * 10, [1.0] * 4 + [0.25] * 6))
+    assert [np.isfinite(value) for value in numbers.values()] == [known] * 3
+
+
+def test_a_ripple_is_unknown_where_nothing_settles_for_three_frames():
+    """Brightness settles in the last two of five frames."""
+    table = drive_of([8.0, 4.0, 2.0, 1.0, 1.0], [100.0] * 5, [1.0] * 5)
+    numbers = evaluation.transients(scenario(steps=5, light=((0.0, 1.0),)), table)
+    assert numbers["settling_frames"] == 3.0 and numbers["overshoot_stops"] == 0.0 and np.isnan(numbers["ripple_stops"])
 
 
 def test_a_difference_is_of_the_policy_named_first_and_a_regret_is_what_the_oracle_has_more(seen, monkeypatch):

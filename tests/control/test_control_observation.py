@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
-from control_makers import CAMERA, performance
+from control_makers import CAMERA, Scene, performance
 
 from pipeline import control
 from pipeline.camera.exposure import Camera
 from pipeline.cli.frame_analysis import FrameAnalysis, Thresholds
 from pipeline.control import loop
+from pipeline.control.decision import Action
 from pipeline.control.metering import Metering
-from pipeline.control.observation import Observation, abstention_reason, brightness, observe
+from pipeline.control.observation import Estimate, Observation, abstention_reason, brightness, observe
 from pipeline.control.scenario import Scenario
 from pipeline.control.state import CameraState
 from pipeline.errors import InputError
@@ -142,3 +144,18 @@ def test_a_frame_that_is_mostly_white_hides_how_bright_the_scene_is():
     metering = Metering(largest_factor=32.0)
     assert metering.factor(grey, GAMMA) == pytest.approx((0.5 / 0.98) ** GAMMA)
     assert metering.factor(white, GAMMA) == pytest.approx((0.5 / 0.98) ** GAMMA / 2)
+
+
+@pytest.mark.parametrize("missing", ["sigma_dn", "mtf"])
+@pytest.mark.parametrize("name", ["iopc_target", "iopc_optimal", "iopc_continuous"])
+def test_an_estimate_that_is_no_number_counts_as_none(name, missing):
+    """An MTF of NaN was taken for no motion: longer exposures in the frame after it."""
+    moving, state, states = Scene(0.25, 1_500.0), CameraState.of(8, 200), []
+    policy = control.create(name, camera=CAMERA, performance=performance())
+    for step in range(6):
+        seen = moving.observe(state)
+        nothing = Estimate(*(part * np.nan for part in getattr(seen, missing)))
+        decision = policy.decide(replace(seen, **{missing: nothing}) if step == 4 else seen, state)
+        assert (decision.action is Action.ABSTAINED) is (step == 4)
+        states.append(state := decision.state)
+    assert states[3] == states[4] == states[5] and policy.speed_px_s == pytest.approx(1_500.0, rel=0.05)

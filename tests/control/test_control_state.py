@@ -94,9 +94,17 @@ def test_state_written_settings_arrive_after_the_delay():
     assert DelayLine.filled(first, 0).next(second) == second
 
 
-@pytest.mark.parametrize("change", [{"exposure_min_s": 1.0}, {"gain_min": 0.0}, {"delay_frames": 11}])
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"exposure_min_s": 1.0}, {"gain_min": 0.0}, {"delay_frames": 11}, {"delay_frames": 1.5},
+        {"exposure_steps_per_stop": float("nan")}, {"exposure_steps_per_stop": 2.5}, {"exposure_steps_per_stop": -1},
+        {"gain_step_db": float("nan")}, {"gain_step_db": -1.0}, {"exposure_max_s": "33"},
+    ],
+)  # fmt: skip
 def test_state_refuses_impossible_limits(change):
-    with pytest.raises(InputError):
+    (name,) = change
+    with pytest.raises(InputError, match=f"limits: .*{name}"):
         Limits(**change)
     with pytest.raises(InputError, match="exposure_s"):
         CameraState(0.0, 1.0)

@@ -76,6 +76,22 @@ def test_average_precision_and_regret_have_their_intervals(section: Section) -> 
     assert {row.get("settling_frames") for row in lines if row["policy"] == "Oracle"} == {None}
 
 
+def test_transients_that_were_not_measured_are_empty_and_not_zero_or_unsettled(tmp_path: Path) -> None:
+    """A scenario of parts that are all too short; of another the brightness settled in its last frames."""
+    measured = {"tunnel": ("settling_frames", "overshoot_stops", "ripple_stops"), "ramp": ("ripple_stops",)}
+    for name, unknown in measured.items():
+        made.make_scenario(tmp_path, name, 1000.0, 5.0, light_factor=0.1)
+        path = tmp_path / f"closed_loop/{name}/summary.parquet"
+        table = pd.read_parquet(path).assign(**dict.fromkeys(unknown, np.nan))
+        store.write_table(path, table, SUMMARY)
+    results = scenario_results(ReportInputs(paper=made.PAPER, data=tmp_path))
+    rows = [row for row in closed_loop.measures(results, {}).rows if row["policy"] == "IOPC continuous"]
+    cells = {row["scenario"]: [row.get(name) for name in measured["tunnel"]] for row in rows}
+    assert cells == {"Tunnel": [None, None, None], "Ramp": ["2", 0.1, None]}
+    (text,) = [text for text in closed_loop.findings(results) if text.startswith("Settling")]
+    assert text.endswith(": 2 in ramp.")
+
+
 def test_the_course_of_drives_has_intervals_over_scenarios(section: Section) -> None:
     """Exposure times fall, the gain makes up for them: settings change in every frame and never turn."""
     rows = {row["policy"]: row for row in _table(section, "control_course").rows}

@@ -16,7 +16,10 @@ class Fixed(Policy):
         camera: see `Policy`.
         performance: not used.
         exposure_ms: exposure time.
-        iso: gain as ISO.
+        iso: gain as ISO; the nearest steps of the camera are taken.
+
+    Raises:
+        InputError: not finite numbers above 0, or outside the camera's limits.
     """
 
     def __init__(
@@ -27,8 +30,7 @@ class Fixed(Policy):
         iso: float = 100.0,
     ) -> None:
         super().__init__(camera, performance)
-        wanted = CameraState.of(exposure_ms, iso)
-        self.state = self.limits.nearest(wanted.exposure_s, wanted.gain)
+        self.state = self.limits.stepped(CameraState.of(exposure_ms, iso), "policy Fixed")
 
     def decide(self, observation: Observation, state: CameraState) -> Decision:
         """The fixed state."""

@@ -23,7 +23,6 @@ from pipeline.control.iopc import Candidates, Choice, Frame, IopcPolicy
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera
 from pipeline.control.state import CameraState
-from pipeline.errors import InputError
 
 PERIOD_TOLERANCE = 0.06
 """Of a lamp's period: so near to whole periods an exposure time counts as such."""
@@ -62,10 +61,9 @@ class IopcContinuous(IopcPolicy):
         margin: float = 0.2,
     ) -> None:
         super().__init__(camera, performance, target, tolerance, least_gain_percent, margin)
-        if stops_per_frame <= 0 or max_motion_px <= 0 or lamp_hz < 0:
-            raise InputError(
-                "policy iopc_continuous: expected lamp_hz of at least 0, stops_per_frame and max_motion_px above 0"
-            )
+        for name, value in (("stops_per_frame", stops_per_frame), ("max_motion_px", max_motion_px)):
+            self.check(name, value, "a number above 0", lambda number: number > 0)
+        self.check("lamp_hz", lamp_hz, "a frequency of at least 0 Hz", lambda number: 0 <= number < math.inf)
         self.stops_per_frame, self.max_motion_px, self.lamp_hz = stops_per_frame, max_motion_px, lamp_hz
 
     def choose(self, frame: Frame) -> Choice:

@@ -20,7 +20,9 @@ class IopcOptimal(IopcPolicy):
         among = self.candidates(frame)
         index = self.preferred(frame, among)
         new, expected = among.states[index], among.ap_percent[index]
-        if math.isnan(expected):
+        if math.isnan(expected) and new == frame.kept:
+            reason = "nothing was measured at any split; none is clearly nearer to the measured region"
+        elif math.isnan(expected):
             reason = "nothing was measured at any split; nearest to the measured region"
         elif new == frame.kept:
             reason = f"AP {expected:.1f} % expected; no split promises clearly more"

@@ -7,12 +7,13 @@ Example 2. Average precision is reported, not maximised.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from pipeline.control.iopc import Choice, Frame, IopcPolicy
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera
-from pipeline.errors import InputError
 
 LARGEST_ALPHA = 16.0
 
@@ -31,7 +32,10 @@ class IopcTarget(IopcPolicy):
         target_px: motion blur wanted, above 0.
         target: see `IopcPolicy`.
         tolerance: see `IopcPolicy`.
-        slack: no reaction while alpha is within this fraction of 1.
+        slack: no reaction while alpha is within this fraction of 1; at least 0, below 1.
+
+    Raises:
+        InputError: an option out of range.
     """
 
     def __init__(
@@ -44,8 +48,8 @@ class IopcTarget(IopcPolicy):
         slack: float = 0.15,
     ) -> None:
         super().__init__(camera, performance, target, tolerance)
-        if not target_px > 0:
-            raise InputError(f"policy iopc_target: target_px is a length above 0 px, got {target_px!r}")
+        self.check("target_px", target_px, "a length above 0 px", lambda value: 0 < value < math.inf)
+        self.check("slack", slack, "a fraction in [0, 1)", lambda value: 0 <= value < 1)
         self.target_px, self.slack = target_px, slack
 
     def choose(self, frame: Frame) -> Choice:

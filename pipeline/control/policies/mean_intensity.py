@@ -42,7 +42,10 @@ class MeanIntensity(Policy):
     ) -> None:
         super().__init__(camera, performance)
         self.metering = Metering(target, tolerance, largest_factor=8.0, damping=damping)
-        self.exposure_max_s = None if exposure_max_ms is None else self.limits.longest_up_to(exposure_max_ms / 1e3)
+        self.exposure_max_s = None
+        if exposure_max_ms is not None:
+            self.check("exposure_max_ms", exposure_max_ms, "a number of ms, or None", lambda _: True)
+            self.exposure_max_s = self.limits.longest_up_to(exposure_max_ms / 1e3)
         self.exposure = AskedExposure(self.limits, self.exposure_max_s)
 
     def decide(self, observation: Observation, state: CameraState) -> Decision:

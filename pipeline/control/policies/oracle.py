@@ -28,7 +28,10 @@ class Oracle(Policy):
     Args:
         camera: see `Policy`.
         performance: surface asked.
-        target: mean encoded grey level.
+        target: mean encoded grey level, above 0 and below 1.
+
+    Raises:
+        InputError: an option out of range.
     """
 
     sees_truth: ClassVar[bool] = True
@@ -36,6 +39,7 @@ class Oracle(Policy):
 
     def __init__(self, camera: ControlledCamera, performance: Performance | None = None, target: float = 0.5) -> None:
         super().__init__(camera, performance)
+        self.check("target", target, "a fraction in (0, 1)", lambda value: 0 < value < 1)
         self.target = target
 
     def decide(self, observation: Observation, state: CameraState) -> Decision:

@@ -18,6 +18,7 @@ import math
 from pipeline.control.asked_exposure import AskedExposure
 from pipeline.control.decision import Decision
 from pipeline.control.observation import Observation
+from pipeline.control.options import is_count
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera, Policy
 from pipeline.control.state import CameraState
@@ -35,6 +36,9 @@ class Prosilica(Policy):
         hold: lowest and highest integer mean without reaction.
         cut: factor downwards.
         levels: integer levels of full scale.
+
+    Raises:
+        InputError: an option out of range.
     """
 
     def __init__(
@@ -48,8 +52,15 @@ class Prosilica(Policy):
         levels: int = 64,
     ) -> None:
         super().__init__(camera, performance)
-        if not (0 < gain <= 1 and 0 < target < 1 and 0 < cut < 1 and 1 <= hold[0] <= hold[1] < levels):
-            raise InputError("policy prosilica: expected gain, target and cut in (0, 1) and hold within the levels")
+        self.check("gain", gain, "a fraction in (0, 1]", lambda value: 0 < value <= 1)
+        for name, value in (("target", target), ("cut", cut)):
+            self.check(name, value, "a fraction in (0, 1)", lambda number: 0 < number < 1)
+        is_pair = isinstance(hold, (tuple, list)) and len(hold) == 2 and all(map(is_count, (*hold, levels)))
+        if not (is_pair and 1 <= hold[0] <= hold[1] < levels):
+            raise InputError(
+                f"policy Prosilica: hold is {hold!r} with levels {levels!r}; expected two whole numbers from 1, not "
+                "falling, and more levels"
+            )
         self.gain, self.target, self.cut, self.levels = gain, target, cut, levels
         self.hold = (int(hold[0]), int(hold[1]))
         self.exposure = AskedExposure(self.limits)

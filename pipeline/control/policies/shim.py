@@ -15,6 +15,7 @@ from pipeline.control.asked_exposure import AskedExposure
 from pipeline.control.decision import Decision
 from pipeline.control.gradient import information, sobel_magnitude
 from pipeline.control.observation import Observation
+from pipeline.control.options import is_number
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera, Policy
 from pipeline.control.state import CameraState
@@ -31,9 +32,12 @@ class Shim(Policy):
     Args:
         camera: see `Policy`.
         performance: not used.
-        gain: Kp, above 0.
+        gain: Kp, above 0, and so small that no factor on the exposure falls to 0.
         nonlinearity: d, above 0.
-        anchors: gammas tried, rising.
+        anchors: gammas tried, at least six, rising, above 0 and at most 2, beyond which the law turns.
+
+    Raises:
+        InputError: an option out of range.
     """
 
     def __init__(
@@ -45,9 +49,17 @@ class Shim(Policy):
         anchors: tuple[float, ...] = ANCHORS,
     ) -> None:
         super().__init__(camera, performance)
-        if gain <= 0 or nonlinearity <= 0 or len(anchors) < 6 or sorted(set(anchors)) != list(anchors):
-            raise InputError("policy shim: expected gain and nonlinearity above 0, and at least six rising anchors")
+        for name, value in (("gain", gain), ("nonlinearity", nonlinearity)):
+            self.check(name, value, "a number above 0", lambda number: 0 < number < math.inf)
+        gammas = anchors if isinstance(anchors, (tuple, list)) else ()
+        are_known = len(gammas) >= 6 and all(is_number(gamma) and 0 < gamma <= 2 for gamma in gammas)
+        if not are_known or sorted(set(gammas)) != list(gammas):
+            raise InputError(
+                f"policy Shim: anchors are {anchors!r}; expected at least six rising gammas above 0 and at most 2"
+            )
         self.gain, self.nonlinearity, self.anchors = gain, nonlinearity, tuple(anchors)
+        least = self.factor(self.anchors[-1])
+        self.check("gain", gain, f"less: for gamma {anchors[-1]:g} the factor is {least:.3g}", lambda _: least > 0)
         self.exposure = AskedExposure(self.limits)
 
     def best_gamma(self, observation: Observation) -> float:

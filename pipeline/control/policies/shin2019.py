@@ -19,13 +19,17 @@ from pipeline.control.decision import Action, Decision
 from pipeline.control.image_quality import quality
 from pipeline.control.nelder_mead import Point, search
 from pipeline.control.observation import Observation
+from pipeline.control.options import is_count
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera, Policy
 from pipeline.control.state import CameraState
+from pipeline.errors import InputError
 
 LEAST_STEP = 0.1
 CHANGE = 0.10
 PATIENCE = 3
+CORNERS = 3
+"""Of the simplex over exposure time and gain that a search starts from."""
 
 
 class Shin2019(Policy):
@@ -34,8 +38,11 @@ class Shin2019(Policy):
     Args:
         camera: see `Policy`.
         performance: not used.
-        probes: evaluations of one search at most.
-        tolerance: of the search.
+        probes: evaluations of one search at most, at least the three that it starts from.
+        tolerance: of the search, at least 0.
+
+    Raises:
+        InputError: an option out of range.
     """
 
     def __init__(
@@ -46,6 +53,9 @@ class Shin2019(Policy):
         tolerance: float = 1e-5,
     ) -> None:
         super().__init__(camera, performance)
+        if not (is_count(probes) and probes >= CORNERS):
+            raise InputError(f"policy Shin2019: probes is {probes!r}; expected a whole number of at least {CORNERS}")
+        self.check("tolerance", tolerance, "a number of at least 0", lambda value: 0 <= value < math.inf)
         self.probes, self.tolerance = probes, tolerance
         self._search: Generator[Point, float, tuple[Point, float]] | None = None
         self._asked: CameraState | None = None

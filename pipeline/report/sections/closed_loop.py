@@ -114,8 +114,11 @@ def overview(results: Sequence[ScenarioResult]) -> Table:
 def measures(results: Sequence[ScenarioResult], decision_ms: Mapping[str, float]) -> Table:
     """Every measure of every policy in every scenario."""
     cells = {
-        "settling_frames": lambda row: None if row["policy"] == "oracle" else _settling(row["settling_frames"]),
-        "ripple_stops": lambda row: row["ripple_stops"] if math.isfinite(row["settling_frames"]) else None,
+        "settling_frames": lambda row: None if row["policy"] == "oracle" else _settling(row),
+        "overshoot_stops": lambda row: row["overshoot_stops"] if math.isfinite(row["overshoot_stops"]) else None,
+        "ripple_stops": lambda row: (
+            row["ripple_stops"] if math.isfinite(row["settling_frames"] + row["ripple_stops"]) else None
+        ),
         "decision_ms": lambda row: decision_ms.get(row["policy"].replace("iopc_lamp", "iopc_continuous")),
     }
     return CONTROL.table("control_measures", _summary(results), cells=cells)
@@ -148,8 +151,15 @@ def course_by_scenario(drives: pd.DataFrame) -> Table:
     return CONTROL.table("control_course_scenarios", rows)
 
 
-def _settling(frames: float) -> str:
-    return format_number(frames, 0) if math.isfinite(frames) else "not settled"
+def _settling(row: Mapping[str, Any]) -> str | None:
+    """Settling of a policy, in words; None where the scenario has no part long enough to measure it.
+
+    Args:
+        row: of schema `SUMMARY`.
+    """
+    if not math.isfinite(row["overshoot_stops"]):
+        return None
+    return format_number(row["settling_frames"], 0) if math.isfinite(row["settling_frames"]) else "not settled"
 
 
 def _cause(result: ScenarioResult) -> str:
@@ -227,9 +237,11 @@ def findings(results: Sequence[ScenarioResult]) -> list[str]:
             text = f"{word(policy)}: median regret to the oracle {np.median(regrets):.1f} AP points"
             sentences.append(f"{text}{still}.")
     stepped = [
-        f"{_settling(frames)} in {scenario_word(result.name).lower()}"
+        f"{settling} in {scenario_word(result.name).lower()}"
         for result in results
-        if result.has_light_step and (frames := result.measure("iopc_continuous", "settling_frames")) is not None
+        if result.has_light_step
+        for row in records(where(result.summary, policy="iopc_continuous"))
+        if (settling := _settling(row)) is not None
     ]
     if stepped:
         sentences.append(CONTROL.text("settling", drives=listing(stepped)))
