@@ -92,25 +92,34 @@ def test_options_of_all_commands_of_dvc_leave_settings_checked(
     assert "did you mean 'smoke'" in capsys.readouterr().err
 
 
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    """A project with this configuration and the parameters it gives."""
+    folder = tmp_path / "project"
+    folder.mkdir()
+    for name in ("conf", "data"):
+        (folder / name).symlink_to(ROOT / name)
+    shutil.copy(ROOT / "params.yaml", folder)
+    return folder
+
+
 @pytest.mark.parametrize(
     "words",
     [["repro"], ["repro", "index@photos"], ["-v", "repro"], ["--wait-for-lock", "repro"], ["--cd", "project", "repro"]],
 )
 def test_reproducing_refuses_params_that_conf_does_not_give(
-    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    words: list[str], project: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    project = tmp_path / "project"
-    project.mkdir()
-    (project / "conf").symlink_to(ROOT / "conf")
-    (project / "data").symlink_to(ROOT / "data")
-    params = (ROOT / "params.yaml").read_text()
-    (project / "params.yaml").write_text(params.replace("\nseed: 1\n", "\nseed: 2\n"))
-    monkeypatch.chdir(tmp_path if "--cd" in words else project)
+    params = project / "params.yaml"
+    params.write_text(params.read_text().replace("\nseed: 1\n", "\nseed: 2\n"))
+    monkeypatch.chdir(project.parent if "--cd" in words else project)
     assert main(words) == 2
     error = capsys.readouterr().err
     assert "+seed: 2" in error and "run 'make params'" in error
+
+
+def test_reproducing_takes_params_that_conf_gives(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(project)
-    (project / "params.yaml").write_text(params)
     check_params()
 
 
