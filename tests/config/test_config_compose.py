@@ -195,6 +195,9 @@ def test_command_line_says_one_line_and_fails():
         assert "Traceback" not in done.stderr
 
 
+ALIKE = pytest.mark.full("two more compositions three times each take 4 s")
+
+
 @pytest.mark.parametrize(
     ("overrides", "words"),
     [
@@ -203,8 +206,14 @@ def test_command_line_says_one_line_and_fails():
             "what is new needs a plus: '+control.policies.mine={kind",
         ),
         (["noise.estimators.pac.kind=bf"], "not in conf/ yet; did you mean 'pca'?; what is new needs a plus"),
-        (["control.scenarios.ramp.start_iso=200"], "not in conf/ yet; what is new needs a plus"),
-        (["control.policies.mean_intensity.options.tolerance=0.1"], "not in conf/ yet; what is new needs a plus"),
+        pytest.param(
+            ["control.scenarios.ramp.start_iso=200"], "not in conf/ yet; what is new needs a plus", marks=ALIKE
+        ),
+        pytest.param(
+            ["control.policies.mean_intensity.options.tolerance=0.1"],
+            "not in conf/ yet; what is new needs a plus",
+            marks=ALIKE,
+        ),
         (["control.scenarios.ramp.start_is=200"], "did you mean 'start_iso'"),
         (["dataset@datasets.mine=folder"], "needs a plus: '+dataset@datasets.mine=folder'"),
         (
