@@ -11,7 +11,7 @@ import stat
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -191,7 +191,8 @@ def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]
     A file that is written again, or removed and written again under its name, is a new frame: its size or its time of
     modification has changed. So a picture that was read half-written, or empty, is read again when it is whole.
     Pictures of the same time come in `pipeline.cli.pictures.natural_order`. Files of formats that are not read
-    (`pipeline.cli.pictures.UNREAD`), videos, and files that stay empty come as problems.
+    (`pipeline.cli.pictures.UNREAD`), videos, and files that stay empty come as problems; so does, once, a folder with
+    folders and no picture in it.
 
     Every look lists the names, so that a new file is noticed at once. Files that were read more than `KEPT_IN_VIEW_S`
     ago are looked at again, all of them together, as often as a twentieth of a core allows (`LEAST_REST`): at every
@@ -210,7 +211,7 @@ def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]
     waiting: dict[str, _Waiting] = {}
     done: dict[str, tuple[int, int]] = {}
     in_view: dict[str, float] = {}  # names of `done`, and until when they are looked at every time
-    all_due_s, lost = 0.0, False
+    all_due_s, lost, folders_named = 0.0, False, False
     while not stop.is_set():
         ready: list[tuple[int, str]] = []
         try:
@@ -255,8 +256,17 @@ def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]
             waiting.pop(name)
             yield _picture(folder / name, hinted)
         if not ready:
-            yield SourceFrame(str(folder), None)
+            problem = "" if folders_named or waiting or done else _not_watched(folder, entries)
+            folders_named = folders_named or bool(problem)
+            yield SourceFrame(str(folder), None, problem)
         stop.wait(POLL_S)
+
+
+def _not_watched(folder: Path, entries: Sequence[os.DirEntry[str]]) -> str:
+    """That folders inside of a folder without pictures are not watched, with the first of them; else empty."""
+    inside = sorted(entry.name for entry in entries if entry.name[0] != "." and entry.is_dir())
+    hint = "no pictures yet; sub-folders are not watched: give one as SOURCE, as"
+    return f"{hint} {folder / inside[0]}" if inside else ""
 
 
 def _picture(file: Path, hinted: Counter[int]) -> SourceFrame:

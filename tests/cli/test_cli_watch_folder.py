@@ -90,3 +90,16 @@ def test_a_removed_file_that_comes_again_is_new(watched):
     assert watched.next_look() == ("", {})
     (watched.folder / OLD[0]).write_bytes(b"old")
     assert [watched.next_look()[0] for _ in range(2)] == ["", OLD[0]]
+
+
+def test_a_folder_of_folders_says_once_that_those_are_not_watched(tmp_path):
+    for name in ("b", "a", ".hidden"):
+        (tmp_path / name).mkdir()
+    source = filling_folder(tmp_path, threading.Event())
+    assert next(source).problem.endswith(f"sub-folders are not watched: give one as SOURCE, as {tmp_path / 'a'}")
+    assert [next(source).problem for _ in range(2)] == ["", ""]
+
+
+def test_folders_beside_pictures_are_no_problem(watched):
+    (watched.folder / "thumbnails").mkdir()
+    assert watched.next_look() == ("", {})
