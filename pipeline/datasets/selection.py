@@ -19,25 +19,6 @@ def evenly_spread(items: Sequence[Item], count: int | None) -> list[Item]:
     return [items[number * len(items) // count] for number in range(count)]
 
 
-def evaluation_frames(
-    folder: Any, name: str, section: DatasetSettings, options: dict[str, Any], count: int | None = None
-) -> list[Frame]:
-    """Frames to judge detectors on: those of the stored index, or more of the same dataset with other options.
-
-    Args:
-        folder: where the stage `index` wrote.
-        name: the dataset's name.
-        section: its section of the configuration.
-        options: options of its reader that differ, e.g. ``{"moments": "all"}``; with any, every frame of the dataset is
-            taken that has no defect.
-        count: at most this many, evenly spread; None takes all.
-    """
-    from pipeline.datasets.index import indexed_frames
-
-    frames = with_options(name, section, options) if options else indexed_frames(folder, name, section)
-    return evenly_spread(frames, count)
-
-
 def with_options(name: str, section: DatasetSettings, options: dict[str, Any]) -> list[Frame]:
     """Every frame without a defect that a dataset's reader gives with options beside those of its section."""
     from pipeline.datasets.open import open_section

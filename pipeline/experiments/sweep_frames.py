@@ -17,7 +17,7 @@ from pipeline.datasets.frame import Frame
 from pipeline.datasets.index import indexed_frames
 from pipeline.datasets.open import open_section
 from pipeline.datasets.quarantine import Inspection, gather, inspect
-from pipeline.datasets.selection import evaluation_frames, evenly_spread
+from pipeline.datasets.selection import evenly_spread
 from pipeline.executor import run_map
 from pipeline.store import read_table
 from pipeline.tables import QUARANTINE
@@ -42,7 +42,7 @@ def sweep_frames(
         section: ``datasets.<name>`` of the configuration.
         options: ``detection.sweep.options.<name>``: options of its reader that differ, e.g. ``{"moments": "all"}``.
         count: at most this many frames, evenly spread; None takes all.
-        index_folder: where the stage `index` wrote; None where there is no index, which takes options.
+        index_folder: where the stage `index` wrote; None where there is no index: the dataset is read anew.
         run_map: ``run_map(function, items, label=...)``, as `pipeline.executor.run_map`; by default in this process.
 
     Returns:
@@ -52,8 +52,8 @@ def sweep_frames(
         InputError: more frames are set aside than ``datasets.<name>.max_rejected_fraction`` allows, or the dataset is
             absent or does not take an option.
     """
-    if not options:
-        return evaluation_frames(index_folder, name, section, {}, count)
+    if index_folder is not None and not options:
+        return evenly_spread(indexed_frames(index_folder, name, section), count)
     dataset = open_section(name, section.model_copy(update={"options": {**section.options, **options}}))
     frames = dataset.frames()
     indexed: set[Path] = set()

@@ -1,4 +1,4 @@
-"""Frames chosen: evenly spread, more moments than the index holds, and which of them are independent."""
+"""Frames chosen: evenly spread, and which of them are independent."""
 
 import dataclasses
 import shutil
@@ -10,8 +10,7 @@ from data_makers import make_folder, make_kitti, make_sim, make_udacity
 from pipeline.datasets import open_dataset
 from pipeline.datasets.folder import Folder
 from pipeline.datasets.photos import PHOTOGRAPHS
-from pipeline.datasets.selection import evaluation_frames, evenly_spread, scenes_of
-from pipeline.datasets.settings import DatasetSettings
+from pipeline.datasets.selection import evenly_spread, scenes_of
 from pipeline.datasets.udacity import Udacity
 from pipeline.errors import InputError
 
@@ -21,13 +20,9 @@ def test_items_are_spread_evenly():
     assert evenly_spread([1, 2], 5) == [1, 2] and evenly_spread([1, 2], None) == [1, 2]
 
 
-def test_more_moments_can_be_judged_than_the_index_holds(tmp_path):
-    root = make_sim(tmp_path / "sim", viewpoints=2)
-    section = DatasetSettings(kind="sim", root=str(root), dvc_dependency="data/sim", limit=1, max_rejected_fraction=0.0)
-    frames = evaluation_frames(tmp_path, "sim", section, {"moments": "all"})
+def test_moments_of_one_viewpoint_are_one_scene(tmp_path):
+    frames = open_dataset("sim", "sim", make_sim(tmp_path / "sim", viewpoints=2), moments="all").frames()
     assert len(frames) == 8
-    chosen = evaluation_frames(tmp_path, "sim", section, {"moments": "all"}, 4)
-    assert [frame.name[-6:] for frame in chosen] == ["0000-0", "0000-2", "0001-0", "0001-2"]
     assert set(scenes_of(frames).values()) == {"evaluation-0000", "evaluation-0001"}
 
 
