@@ -124,8 +124,7 @@ def is_beyond(row: dict[str, Any]) -> bool:
     """Whether most tiles of a frame are abstained from as noisier than what is measured (`BEYOND`)."""
     from pipeline.noise.base import BEYOND
 
-    tiles = row["abstained"].get("noise", {}).get(BEYOND, 0)
-    return bool(tiles and tiles > row["noise_patches"] / 2)
+    return bool(row["abstained"].get("noise", {}).get(BEYOND, 0) > row["noise_patches"] / 2)
 
 
 def _noisier(row: dict[str, Any], most_sigma_dn: float) -> bool:

@@ -6,7 +6,7 @@ import os
 import re
 import stat
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -96,10 +96,13 @@ def expand(paths: Sequence[Path]) -> list[Path]:
 
 def _not_searched(folders: Sequence[Path]) -> str:
     """That folders inside of folders are not searched, with the first of them; empty where there is none."""
-    inside = sorted(
-        str(path) for folder in folders for path in folder.iterdir() if path.is_dir() and path.name[0] != "."
-    )
+    inside = sorted(str(folder / name) for folder in folders for name in shown_folders(folder.iterdir()))
     return f", whose sub-folders are not searched: name them, as {inside[0]}" if inside else ""
+
+
+def shown_folders(entries: Iterable[Path | os.DirEntry[str]]) -> list[str]:
+    """Names of the folders among the entries of a folder, sorted, without hidden ones."""
+    return sorted(entry.name for entry in entries if entry.name[0] != "." and entry.is_dir())
 
 
 def _warn_of_unread(folder: Path, unread: Counter[str]) -> None:

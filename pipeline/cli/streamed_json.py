@@ -20,10 +20,9 @@ def pieces(content: Mapping[str, Any], *, ensure_ascii: bool = False) -> Iterato
     Returns:
         parts of the text, without a line end after the last.
     """
+    from pipeline.store import plain_json
 
     def text(value: Any, depth: int) -> str:
-        from pipeline.store import plain_json
-
         plain = json.dumps(plain_json(value), indent=INDENT, sort_keys=True, ensure_ascii=ensure_ascii)
         return plain.replace("\n", _line_start(depth))  # line ends inside of strings are escaped
 

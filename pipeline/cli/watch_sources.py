@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pipeline.cli.given_paths import ADDRESS_MARK
 from pipeline.cli.newest_frame import RECONNECT_S, NewestFrame, without_credentials
 from pipeline.datasets.video_coding import UNKNOWN, Coding
 from pipeline.errors import InputError
@@ -30,7 +31,6 @@ REPLACED_LOOKS = 2  # at which there was another file or a smaller one, more tha
 KEPT_IN_VIEW_S = 60.0  # after it was read a file is looked at every time: a camera may write to it again and again
 LEAST_REST = 19.0  # times the processor time of a look at every file that pass before the next: a twentieth of a core
 DEFAULT_FRAMES_PER_SECOND = 25.0  # of a video that does not state its own
-URL_MARK = "://"
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def open_source(source: str, rate: float, *, wait: bool, stop: threading.Event) 
     path = Path(source)
     if source.isdigit():
         return live(int(source), f"camera {source}", rate, stop)
-    if URL_MARK in source:
+    if ADDRESS_MARK in source:
         return live(source, without_credentials(source), rate, stop)
     if path.is_dir():
         return filling_folder(path, stop)
@@ -264,7 +264,9 @@ def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]
 
 def _not_watched(folder: Path, entries: Sequence[os.DirEntry[str]]) -> str:
     """That folders inside of a folder without pictures are not watched, with the first of them; else empty."""
-    inside = sorted(entry.name for entry in entries if entry.name[0] != "." and entry.is_dir())
+    from pipeline.cli.pictures import shown_folders
+
+    inside = shown_folders(entries)
     hint = "no pictures yet; sub-folders are not watched: give one as SOURCE, as"
     return f"{hint} {folder / inside[0]}" if inside else ""
 

@@ -33,6 +33,8 @@ REGISTRIES = Registry(
     },
 )
 """Where names in the configuration are looked up, imported only by the check."""
+FROM_THE_LOOP = ("camera", "performance")
+"""What the control loop gives every policy, none of its options."""
 STAGE_FOLDER = Path("data")  # below it stages write: what is absent there may still be made
 USER_FOLDER = Path("data/raw")
 
@@ -91,8 +93,8 @@ def _kind(key: str, package: str, entry: Any) -> Iterator[str]:
     except InputError as error:
         yield f"{key}: {error}"
         return
-    if package == "control":  # every policy gets these from the loop
-        parameters = {name: each for name, each in parameters.items() if name not in ("camera", "performance")}
+    if package == "control":
+        parameters = {name: each for name, each in parameters.items() if name not in FROM_THE_LOOP}
     weights = parameters.get("weights")
     if detector and entry.weights is None and weights is not None and weights.default is inspect.Parameter.empty:
         yield f"{key}.weights: '{entry.kind}' needs a file; 'camera-monitor weights list' shows what there is"
@@ -173,7 +175,7 @@ def _paths(config: Any) -> Iterator[str]:
     for name, detector in config.detection.detectors.items():
         weights, key = detector.weights, f"detection.detectors.{name}.weights"
         if weights and not _may_be_made(weights, config.root) and not Path(weights).is_file():
-            yield (f"{key}={weights}: no such file; 'camera-monitor weights list' shows what there is to get")
+            yield f"{key}={weights}: no such file; 'camera-monitor weights list' shows what there is to get"
         elif weights and Path(weights).is_file() and (sentence := in_one_file(key, Path(weights))):
             yield sentence
     for section, estimators in (
@@ -239,7 +241,7 @@ def _takes_options(policy: Any, limits: Any) -> None:
     registry: Registry = REGISTRIES.get("control")
     if limits is None or not registry.is_builtin(policy.kind):
         return
-    known = set(inspect.signature(registry.get(policy.kind)).parameters) - {"camera", "performance"}
+    known = set(inspect.signature(registry.get(policy.kind)).parameters) - set(FROM_THE_LOOP)
     if set(policy.options) <= known:
         surface: Any = object()  # is not measured yet; no built-in policy asks it before a frame
         make_policy(policy.kind, policy.options, ControlledCamera(limits), surface)

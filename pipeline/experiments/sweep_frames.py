@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -67,12 +67,34 @@ def sweep_frames(
     if unseen:
         unreadable = run_map(_why_unreadable, unseen, label=f"frames of {name}")
         reasons |= {frame.name: reason for frame, reason in zip(unseen, unreadable, strict=True)}
+    return evenly_spread(usable_frames(dataset, frames, reasons, section.max_rejected_fraction, set_aside), count)
+
+
+def usable_frames(
+    dataset: Dataset,
+    frames: Sequence[Frame],
+    reasons: Mapping[str, str],
+    max_rejected_fraction: float,
+    known: Collection[str] = (),
+) -> list[Frame]:
+    """Frames that nothing speaks against; the others are named on stderr.
+
+    Args:
+        dataset: theirs.
+        frames: of it.
+        reasons: frame name -> why it is left out, or empty.
+        max_rejected_fraction: largest share that may be left out.
+        known: pictures that were named before, relative to the dataset's folder.
+
+    Raises:
+        InputError: more are left out.
+    """
     inspections = [Inspection(frame, reasons[frame.name], (), None) for frame in frames]
-    usable, left_out, _ = gather(dataset, inspections, section.max_rejected_fraction)
+    usable, left_out, _ = gather(dataset, inspections, max_rejected_fraction)
     for row in left_out:
-        if row.file not in set_aside:
-            print(f"warning: dataset '{name}': {row.file} is left out: {row.reason}", file=sys.stderr)
-    return evenly_spread(usable, count)
+        if row.file not in known:
+            print(f"warning: dataset '{dataset.name}': {row.file} is left out: {row.reason}", file=sys.stderr)
+    return usable
 
 
 def _file(frame: Frame, dataset: Dataset) -> str:

@@ -21,7 +21,7 @@ from pipeline.experiments import detect, iopc
 from pipeline.experiments.class_maps import class_map, refuse_mistaken_words
 from pipeline.experiments.condition import sweep_kernels
 from pipeline.experiments.summarise import condition_medians
-from pipeline.experiments.sweep_frames import sweep_frames
+from pipeline.experiments.sweep_frames import sweep_frames, usable_frames
 from pipeline.recording.kept_results import Map, keyed
 from pipeline.recording.provenance import blur_weights, inputs_of, noise_weights, write_csv
 from pipeline.report import style
@@ -132,17 +132,14 @@ def labelled_frames(config: Config, dataset: str) -> list[Frame]:
         InputError: more of them have none, or broken ones, than the dataset's ``max_rejected_fraction`` allows.
     """
     from pipeline.datasets.open import open_section
-    from pipeline.datasets.quarantine import Inspection, gather
 
     section, count = config.datasets[dataset], config.detection.sweep.frames
     options = config.detection.sweep.options.get(dataset)
     if not options:
         opened = open_section(dataset, section)
-        by_labels = [Inspection(frame, frame.defect, (), None) for frame in opened.frames()]
-        usable, left_out, _ = gather(opened, by_labels, section.max_rejected_fraction)
-        for row in left_out:
-            print(f"warning: dataset '{dataset}': {row.file} is left out: {row.reason}", file=sys.stderr)
-        return evenly_spread(usable, count)
+        frames = opened.frames()
+        by_labels = {frame.name: frame.defect for frame in frames}
+        return evenly_spread(usable_frames(opened, frames, by_labels, section.max_rejected_fraction), count)
     return sweep_frames(dataset, section, options, count, None)
 
 

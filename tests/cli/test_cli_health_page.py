@@ -68,7 +68,7 @@ def frame_row(number, **changes):
         "median_dn": 90.0, "mtf": np.full((2, 8), 0.7), "flags": "", "alarms": "", "undecided": "", "trend": "",
         "mtf_low": np.full((2, 8), 0.7), "mtf_high": np.full((2, 8), 0.7),
         "blur": "slightly blurred", "blur_direction": "", "blur_range": "", "blurred_fraction": 0.0, "noise": "low",
-        "causes": "", "abstained": {},
+        "causes": "", "abstained": {}, "noise_patches": 20,
         "ap_percent": np.nan, "ap_low_percent": np.nan, "ap_high_percent": np.nan,
         "best_exposure_ms": np.nan, "best_iso": np.nan,
         "best_ap_percent": np.nan, "white_sigma_dn": 2.0, "noise_correlation": 0.0,

@@ -5,10 +5,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import composed
 import pytest
 import yaml
 
-from pipeline import yaml_text
 from pipeline.config import compose as compiling
 from pipeline.config import from_params
 from pipeline.config.compose import compile_params, compose, load, parse
@@ -107,12 +107,6 @@ def test_mistakes_name_the_key_and_the_remedy(override, words, tmp_path):
     assert not path.exists()
 
 
-@pytest.fixture(scope="module")
-def default() -> str:
-    """Composed once: composing takes most of a second."""
-    return compose(conf=CONF)
-
-
 @pytest.mark.parametrize(
     ("assignment", "words"),
     [
@@ -135,9 +129,9 @@ def default() -> str:
         ("noise.estimators.pca=null", ["noise.estimators.pca", "valid dictionary", "None"]),
     ],
 )
-def test_what_the_schema_refuses_names_the_key_and_the_remedy(assignment, words, default):
+def test_what_the_schema_refuses_names_the_key_and_the_remedy(assignment, words):
     key, _, value = assignment.partition("=")
-    content = section = yaml_text.parse(default)
+    content = section = composed.content()
     *parents, last = key.split(".")
     for parent in parents:
         section = section[parent]
