@@ -34,7 +34,7 @@ from PIL import Image  # noqa: E402
 from benchmarks import coded_noise  # noqa: E402
 from pipeline import noise  # noqa: E402
 from pipeline.camera.processing.codec import Codec, video_file  # noqa: E402
-from pipeline.cli.pictures import read  # noqa: E402
+from pipeline.cli.frames.pictures import read  # noqa: E402
 from pipeline.condition import noise_of_frame  # noqa: E402
 from pipeline.datasets.pictures import read_grey8  # noqa: E402
 from pipeline.datasets.selection import evenly_spread  # noqa: E402

@@ -24,7 +24,8 @@ LONGEST = (
     "test_executor", "test_recorded_detection", "test_other_processor", "test_recorded_blur", "test_accessibility",
     "test_experiments_calibrate", "test_dvc_at_once", "test_cli_bad_inputs", "test_config_compose", "test_report_page",
     "test_blur_camera_calibration", "test_blur_camera_correction", "test_blur_blind", "test_blur_fused",
-    "test_cli_health", "test_blur_ablation", "test_dvc_experiment", "test_cli_watch", "test_scenes_dataset",
+    "test_cli_commands_health", "test_blur_ablation", "test_dvc_experiment", "test_cli_commands_watch",
+    "test_scenes_dataset",
 )  # fmt: skip
 """The longest files: begun first, so that with several workers none of them runs alone at the end."""
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from browser import BROWSER, inspected
 
-sys.path[:0] = [str(Path(__file__).parent / folder) for folder in ("cli", "report")]
+sys.path.insert(0, str(Path(__file__).parent / "report"))
 
-from report_makers import make_all  # noqa: E402
-from test_cli_health_page import CONDITION, frame_row, run_of  # noqa: E402
+from health_makers import CONDITION, frame_row, run_of
+from report_makers import make_all
 
-from pipeline.cli.health_page import PageFrames, page  # noqa: E402
-from pipeline.report.build import build  # noqa: E402
+from pipeline.cli.health.page import PageFrames, page
+from pipeline.report.build import build
 
 pytestmark = [
     pytest.mark.slow,

@@ -19,7 +19,7 @@ from data_makers import make_folder, make_kitti, make_sim, make_udacity, picture
 from pipeline import noise
 from pipeline.camera.psf import create, kinds
 from pipeline.cli import COMMANDS, main
-from pipeline.cli.corrupt import command as corrupt_command
+from pipeline.cli.commands.corrupt import command as corrupt_command
 from pipeline.noise.base import NoiseEstimate
 from pipeline.signals import handled
 from pipeline.streams import stream
@@ -50,7 +50,7 @@ def test_the_end_of_its_terminal_ends_a_command_unless_nohup_started_it(monkeypa
     def waiting():
         signal.raise_signal(signal.SIGHUP)
 
-    monkeypatch.setattr("pipeline.cli.doctor.command", waiting)
+    monkeypatch.setattr("pipeline.cli.commands.doctor.command", waiting)
     with handled([signal.SIGHUP], before):
         assert call("doctor").exit_code == exit_code
 

@@ -12,7 +12,7 @@ from control_makers import CAMERA, Scene, performance
 
 from pipeline import control
 from pipeline.camera.exposure import Camera
-from pipeline.cli.frame_analysis import FrameAnalysis, Thresholds
+from pipeline.cli.analysis.frame import FrameAnalysis, Thresholds
 from pipeline.control import loop
 from pipeline.control.decision import Action
 from pipeline.control.metering import Metering
@@ -66,7 +66,7 @@ def test_the_precision_of_a_frame_with_bars_is_expected_at_the_brightness_of_its
         lambda surface, sigma, mtf, relative, level: levels.append(level) or SimpleNamespace(best_percent=1.0),
     )
     analysis = FrameAnalysis(SimpleNamespace(), Thresholds(), performance())
-    monkeypatch.setattr("pipeline.cli.flag_words.left_out_words", lambda row: "rows")
+    monkeypatch.setattr("pipeline.cli.analysis.flag_words.left_out_words", lambda row: "rows")
     nothing = SimpleNamespace(value=np.full((2, 8), np.nan))
     analysis._precision({}, frame, SimpleNamespace(mtf=nothing), "frame.png")
     assert levels == [observe(frame[120:520]).mean_level]

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from pipeline import detection
-from pipeline.cli.weights import FOLDER
+from pipeline.cli.commands.weights import FOLDER
 from pipeline.detection.settings import DetectorSettings
 from pipeline.detection.weights_table import TABLE
 from pipeline.errors import InputError

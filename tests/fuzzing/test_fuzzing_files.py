@@ -28,9 +28,9 @@ from pipeline.blur.camera_calibration import Calibration
 from pipeline.blur.fusion_camera import FusionMap
 from pipeline.camera.paper_kernels import read_psf
 from pipeline.camera.processing.codec import VIDEO, video_file
-from pipeline.cli import camera_store
-from pipeline.cli.report import metrics
-from pipeline.cli.shot_settings import exif
+from pipeline.cli.calibration import camera_store
+from pipeline.cli.commands.report import metrics
+from pipeline.cli.frames.shot_settings import exif
 from pipeline.control.performance import Performance
 from pipeline.curves import Surface
 from pipeline.datasets.folder import read_box_labels

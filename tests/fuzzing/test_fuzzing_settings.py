@@ -13,7 +13,7 @@ from mutations import WORDS, damaged, replaced
 
 from pipeline import yaml_text
 from pipeline.cli import COMMANDS, main
-from pipeline.cli.shot_settings import seconds
+from pipeline.cli.frames.shot_settings import seconds
 from pipeline.config.compose import parse
 from pipeline.config.references import check_references
 from pipeline.config.schema import validate

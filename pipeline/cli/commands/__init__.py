@@ -1,0 +1,1 @@
+"""The commands of ``camera-monitor``, one per file; the names are in `pipeline.cli.COMMANDS`."""

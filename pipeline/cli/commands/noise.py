@@ -1,0 +1,129 @@
+"""``camera-monitor noise``: the noise of one's own pictures."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+
+import click
+
+from pipeline.cli.options.frame_samples import tiles_option
+from pipeline.cli.options.given_paths import GivenPath
+from pipeline.cli.options.video_codec import codec_option
+from pipeline.cli.results.held_signals import held
+
+COLUMNS = (
+    "picture", "x_px", "y_px", "size_px", "sigma_dn", "sigma_at_most_dn", "abstained", "reason", "frame_sigma_dn",
+    "white_sigma_dn", "noise_correlation", "frame_white_sigma_dn", "frame_noise_correlation",
+)  # fmt: skip
+
+
+@click.command("noise")
+@click.argument("paths", nargs=-1, required=True, type=GivenPath())
+@click.option(
+    "--estimator",
+    "--noise",
+    "estimator",
+    default="adaptive",
+    show_default=True,
+    help="adaptive, cellwise, correlated, pca, bf, wavelet, immerkaer, or a plug-in's",
+)
+@click.option(
+    "--tile", "tile_px", default=128, show_default=True, type=click.IntRange(8, 4096),
+    help="side of a tile, pixels; at least 48 for adaptive, 8 to 48 for other estimators",
+)  # fmt: skip
+@tiles_option
+@click.option("--every", default=1, show_default=True, type=click.IntRange(min=1), help="of a video, each n-th frame")
+@click.option("--csv", "table", type=GivenPath(), help="also write one row per tile here")
+@click.option(
+    "--map", "maps", type=GivenPath(),
+    help="folder for pictures with the tiles' noise drawn in; those of its last run there go",
+)  # fmt: skip
+@codec_option
+def command(
+    paths: tuple[Path, ...], estimator: str, tile_px: int, most_tiles: int, every: int, table: Path | None,
+    maps: Path | None, codec: str | None,
+) -> None:  # fmt: skip
+    """Estimate the noise of PATHS: pictures, videos, or folders of them.
+
+    Prints, per frame, the robust median over its tiles with their range, in grey levels (DN, 0..255), how many tiles
+    the estimator abstained on, the part of the noise that is white, as the sensor's is before the camera smooths it
+    (DN), and the correlation of the noise of adjacent pixels (0: white; ``-``: not separated); bars beside the picture
+    are left out. A frame whose tiles mostly abstain because of a codec or filter, or of which less than a quarter
+    answer, has no median (``frame_sigma_dn`` of the CSV is nan), and its map no number: the tiles that answer then are
+    mostly grain that looks like noise. Behind a codec it has a bound. The same estimator as ``camera-monitor health``
+    unless another is named.
+    """
+    import numpy as np
+    from tqdm import tqdm
+
+    from pipeline import noise
+    from pipeline.cli.analysis.rows import number
+    from pipeline.cli.frames.pictures import expand, least_side_px, readable, result_stem
+    from pipeline.cli.frames.set_aside import SetAside
+    from pipeline.cli.results.noise_overlay import noise_overlay
+    from pipeline.cli.results.outputs import OutputFolder, RowFile, refuse_foreign_file, refuse_input
+    from pipeline.condition import noise_of_frame
+    from pipeline.errors import InputError, printable
+    from pipeline.noise.base import smallest_patch_px
+    from pipeline.store import write_image
+
+    method = noise.create(estimator)
+    least_tile_px = smallest_patch_px(method)
+    if tile_px < least_tile_px:
+        raise InputError(
+            f"--tile {tile_px}: the noise estimator {estimator} takes tiles of at least {least_tile_px} px"
+        )
+    files = expand(paths)
+    set_aside = SetAside()
+    if table is not None:
+        refuse_input(table, "--csv", files)
+        refuse_foreign_file(table, "--csv", ",".join(COLUMNS[:4]))
+    with contextlib.ExitStack() as stack:
+        folder = stack.enter_context(OutputFolder(maps, "noise", "--map", files)) if maps is not None else None
+        rows = stack.enter_context(RowFile(table, COLUMNS)) if table is not None else None
+        header = f"{'sigma DN':>9} {'at most':>7} {'min':>7} {'max':>7} {'tiles':>6} {'abstained':>9}"
+        click.echo(f"{header} {'white':>6} {'corr.':>6}  picture")
+        frames = readable(files, every, least_px=least_side_px(method))
+        for name, image, problem, coding in tqdm(frames, delay=2, leave=False, unit=" frames"):
+            try:
+                if image is None:
+                    raise InputError(problem)
+                known = coding.or_by(codec or "")
+                state = noise_of_frame(
+                    method, image, tile_px, most_tiles, codec=known.codec, quantiser=known.quantiser, name=estimator
+                )
+            except InputError as error:
+                set_aside.add(name, error)
+                continue
+            whole, estimate, squares = state.summary, state.estimate, state.patches
+            level, bound, least, most, white, correlation = (
+                number(float(value), 2)
+                for value in (
+                    whole.value, state.at_most_dn, whole.least, whole.greatest, state.white_sigma_dn, state.correlation,
+                )
+            )  # fmt: skip
+            numbers = f"{level:>9} {bound:>7} {least:>7} {most:>7} {len(squares):6d} {whole.abstained:9d}"
+            numbers += f" {white:>6} {correlation:>6}"
+            click.echo(f"{numbers}  {printable(name)}")
+            unknown = np.full(len(squares), np.nan)
+            bounds, whites, correlations = (
+                unknown if values is None else values
+                for values in (estimate.at_most_dn, estimate.white_sigma_dn, estimate.correlation)
+            )
+            with held():  # all rows and the map of a frame, or none
+                for square, sigma, most_dn, reason, *parts in zip(
+                    squares, estimate.sigma_dn, bounds, estimate.reason, whites, correlations, strict=True
+                ):
+                    values = (
+                        name, square.x_px, square.y_px, square.size_px, f"{sigma:.4f}", f"{most_dn:.4f}", bool(reason),
+                        str(reason), f"{whole.value:.4f}",
+                        *(f"{value:.4f}" for value in (*parts, state.white_sigma_dn, state.correlation)),
+                    )  # fmt: skip
+                    if rows is not None:
+                        rows.write(dict(zip(COLUMNS, values, strict=True)))
+                if folder is not None:
+                    shown = unknown if np.isnan(whole.value) else estimate.sigma_dn
+                    drawn = noise_overlay(image, squares, shown)
+                    write_image(folder.claim(result_stem(name), ".noise.png"), drawn)
+    set_aside.refuse()

@@ -1,0 +1,1 @@
+"""How ``camera-monitor corrupt`` makes pictures and writes them with their truth."""

@@ -1,0 +1,1 @@
+"""Types and options of the command line that several commands share."""
