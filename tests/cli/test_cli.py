@@ -68,7 +68,7 @@ def test_a_module_that_python_has_kept_in_part_is_one_line(tmp_path):
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
     command = [sys.executable, "-m", "pipeline.cli", "doctor", "--help"]
     subprocess.run(command, capture_output=True, check=True, env=environment)
-    (compiled,) = tmp_path.rglob("cli/doctor.*.pyc")
+    (compiled,) = tmp_path.rglob("cli/commands/doctor.*.pyc")
     compiled.write_bytes(compiled.read_bytes()[:1024])
     done = subprocess.run(command, capture_output=True, text=True, env=environment)
     line = f"error: {compiled}: cut short, as by a full disk; delete it\n"
