@@ -1,22 +1,16 @@
 """``camera-monitor``: the pipeline's tools on your own footage.
 
-Each command is one file; it is imported when it is called, so that ``--help`` answers at once. Exit codes: 0 fine,
-2 wrong input or results that cannot be written, 3 alarm (``health``, ``watch``, ``budget``), 130 interrupted.
+Each command is one file in `pipeline.cli.commands`; it is imported when it is called, so that ``--help`` answers at
+once. Beside them is what commands share, in folders: ``options`` of the command line, reading of ``frames``, their
+``analysis``, writing of ``results``; and what is long of single commands: ``health``, ``watching``, ``calibration``,
+``corruption``, ``recording``, ``new_project``.
 """
 
 from __future__ import annotations
 
-import importlib
-import signal
-import traceback
-from collections.abc import Iterable
-from types import FrameType
-from typing import Any
-
 import click
 
-from pipeline.errors import InputError, printable
-from pipeline.signals import handled
+from pipeline.cli.lazy_group import LazyGroup
 
 COMMANDS = {
     "health": "Estimate blur and noise of pictures or videos together, with intervals and maps.",
@@ -39,77 +33,13 @@ COMMANDS = {
     "download": "Download and verify published pictures: KITTI, Udacity, real noise, raw frames.",
 }
 
-ALARM = 3  # exit code of ``health``, ``watch`` and ``budget``
-INTERRUPTED = 130  # exit code after Ctrl-C, SIGTERM or SIGHUP
-ENDING_SIGNALS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 
-
-class _Lazy(click.Group):
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(COMMANDS)
-
-    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        if name not in COMMANDS:
-            return None
-        command: click.Command = importlib.import_module(f"pipeline.cli.commands.{name}").command
-        return command
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        from pipeline.errors import did_you_mean
-
-        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            raise click.UsageError(f"no command '{args[0]}'; {did_you_mean(args[0], COMMANDS)}")
-        return super().resolve_command(ctx, args)
-
-    def invoke(self, ctx: click.Context) -> Any:
-        try:
-            with handled(not_ignored(ENDING_SIGNALS), _interrupt):
-                return super().invoke(ctx)
-        except InputError as error:
-            lines = [printable(line) for line in str(error).split("\n")]  # names of files may hold any character
-            click.echo("error: " + "\n".join(lines), err=True)
-            raise SystemExit(2) from None
-        except click.UsageError as error:
-            if type(error).__name__ == "NoArgsIsHelpError":  # a group called without a command shows its help
-                raise
-            hint = f"; see {error.ctx.command_path} --help" if error.ctx is not None else ""
-            click.echo(f"error: {printable(error.format_message().rstrip('.'))}{hint}", err=True)
-            raise SystemExit(2) from None
-        except BrokenPipeError:
-            raise  # click ends quietly: whoever read the output has enough
-        except OSError as error:
-            file = printable(f"{error.filename}: ") if error.filename else ""
-            click.echo(f"error: {file}{error.strerror or error}", err=True)
-            raise SystemExit(2) from None
-        except EOFError as error:  # click takes it for the end of an input, and says "Aborted!"
-            *_, (frame, _) = traceback.walk_tb(error.__traceback__)
-            compiled = frame.f_locals.get("bytecode_path")  # Python keeps modules that a full disk has cut short
-            if compiled is None:
-                raise
-            click.echo(f"error: {printable(compiled)}: cut short, as by a full disk; delete it", err=True)
-            raise SystemExit(2) from None
-        except KeyboardInterrupt:
-            click.echo("interrupted; what was finished is written", err=True)
-            raise SystemExit(INTERRUPTED) from None
-
-
-def not_ignored(numbers: Iterable[signal.Signals]) -> list[signal.Signals]:
-    """Signals without those that the program was started to ignore, as ``nohup`` has SIGHUP ignored."""
-    return [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    """End a command as Ctrl-C does, so that results are closed properly."""
-    raise KeyboardInterrupt
-
-
-@click.group(cls=_Lazy, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.group(
+    cls=LazyGroup,
+    package="pipeline.cli.commands",
+    descriptions=COMMANDS,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+)
 @click.version_option(package_name="camera-condition-pipeline")
 def main() -> None:
     """Monitor the physical condition of a camera, on your own pictures."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pipeline.cli import ALARM
+from pipeline.cli.exit_codes import ALARM
 from pipeline.cli.options.given_paths import GivenPath
 from pipeline.cli.options.numbers import FiniteRange, printed
 from pipeline.cli.options.video_codec import codec_option

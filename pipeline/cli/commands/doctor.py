@@ -9,7 +9,8 @@ from typing import Any
 
 import click
 
-PROBLEM = 2  # exit code
+from pipeline.cli.exit_codes import REFUSED
+
 DATASETS = {"sim": "data/sim", "kitti": "data/raw/kitti", "udacity": "data/raw/udacity"}
 MEASURED = {
     "expected precision in health": "data/control_surface/all.npz",
@@ -49,7 +50,7 @@ def command(as_json: bool, timed: bool) -> None:
         for line in lines(content):
             click.echo(line)
     if problems:
-        raise SystemExit(PROBLEM)
+        raise SystemExit(REFUSED)
 
 
 def installed_packages() -> dict[str, dict[str, Any]]:

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pipeline.cli import ALARM
+from pipeline.cli.ending_signals import held
+from pipeline.cli.exit_codes import ALARM
 from pipeline.cli.health.options import HealthOptions
 from pipeline.cli.options.frame_samples import patches_option, tiles_option
 from pipeline.cli.options.given_paths import GivenPath
 from pipeline.cli.options.numbers import FiniteRange, Mtf50Limit
 from pipeline.cli.options.video_codec import codec_option
-from pipeline.cli.results.held_signals import held
 from pipeline.errors import printable
 
 if TYPE_CHECKING:

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import click
 
+from pipeline.cli.ending_signals import held
 from pipeline.cli.options.frame_samples import tiles_option
 from pipeline.cli.options.given_paths import GivenPath
 from pipeline.cli.options.video_codec import codec_option
-from pipeline.cli.results.held_signals import held
 
 COLUMNS = (
     "picture", "x_px", "y_px", "size_px", "sigma_dn", "sigma_at_most_dn", "abstained", "reason", "frame_sigma_dn",

@@ -10,11 +10,10 @@ from typing import Any
 import click
 
 from pipeline.baselines import flatten, metric_files
+from pipeline.cli.exit_codes import DIFFERENT
 from pipeline.cli.options.given_paths import GivenPath
 from pipeline.cli.options.numbers import FiniteRange
 from pipeline.errors import InputError
-
-CHANGED = 3  # exit code
 
 
 @click.group("report")
@@ -69,7 +68,7 @@ def diff(before: Path, after: Path, tolerance_percent: float, most: int, as_json
             if files:
                 click.echo(f"{word} in: {', '.join(files)}")
     if fail and (changes or old.keys() != new.keys()):
-        raise SystemExit(CHANGED)
+        raise SystemExit(DIFFERENT)
 
 
 def metrics(path: Path) -> dict[str, Any]:

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pipeline.cli import ALARM, ENDING_SIGNALS, not_ignored
+from pipeline.cli.ending_signals import ENDING_SIGNALS, not_ignored
+from pipeline.cli.exit_codes import ALARM
 from pipeline.cli.options.frame_samples import patches_option, tiles_option
 from pipeline.cli.options.given_paths import GivenPath
 from pipeline.cli.options.numbers import FiniteRange, Mtf50Limit

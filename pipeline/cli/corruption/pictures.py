@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from pipeline.cli.results.held_signals import held
+from pipeline.cli.ending_signals import held
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

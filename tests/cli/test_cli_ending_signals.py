@@ -5,7 +5,7 @@ import threading
 
 import pytest
 
-from pipeline.cli.results.held_signals import INTERRUPTS, held
+from pipeline.cli.ending_signals import INTERRUPTS, held
 from pipeline.signals import handled
 
 

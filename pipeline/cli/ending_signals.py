@@ -1,15 +1,20 @@
-"""Signals that end a command wait until results that belong together are written."""
+"""Signals that end a command, and how they wait until results that belong together are written."""
 
 from __future__ import annotations
 
 import contextlib
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
-from pipeline.cli import ENDING_SIGNALS
 from pipeline.signals import handled
 
+ENDING_SIGNALS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 INTERRUPTS = (signal.SIGINT, *ENDING_SIGNALS)
+
+
+def not_ignored(numbers: Iterable[signal.Signals]) -> list[signal.Signals]:
+    """Signals without those that the program was started to ignore, as ``nohup`` has SIGHUP ignored."""
+    return [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]
 
 
 @contextlib.contextmanager
