@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from pipeline import detection
-from pipeline.cli.commands.weights import FOLDER
+from pipeline.cli.data_folders import DETECTOR_WEIGHTS
 from pipeline.detection.settings import DetectorSettings
 from pipeline.detection.weights_table import TABLE
 from pipeline.errors import InputError
@@ -42,7 +42,7 @@ def test_configured_detectors_take_their_options(path: Path) -> None:
         assert (ROOT / file).is_file()
         detection.create(section.kind, weights=ROOT / file, **section.options)
     else:
-        assert file.parent == FOLDER
+        assert file.parent == DETECTOR_WEIGHTS
         row = next(row for row in TABLE.values() if row.detector == section.kind)
         assert file.stem == Path(row.file).stem and file.suffix == ".onnx"
         assert "camera-monitor weights get" in section.fetch_command

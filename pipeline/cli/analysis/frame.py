@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from pipeline.control.performance import Performance
     from pipeline.control.policy import ControlledCamera
 
-SURFACE = "data/control_surface/all.npz"
-
 
 @dataclass(frozen=True)
 class Thresholds:
@@ -73,31 +71,6 @@ class Settings:
         return None, f"give --{'exposure' if exposure_s is None else 'iso'} too" if one else ""
 
 
-def find_surface(named: Path | None) -> tuple[Performance | None, str]:
-    """The surface of average precision.
-
-    Args:
-        named: by the user; None for that of the checkout.
-
-    Returns:
-        it, or None with the reason why there is none.
-
-    Raises:
-        InputError: the file that was named is missing or broken.
-    """
-    from pipeline.cli.options.given_paths import refuse_other_format
-    from pipeline.control.performance import Performance
-    from pipeline.project_files import located
-
-    if named is not None:
-        refuse_other_format(named)
-        return Performance.load(named), ""
-    for path in (Path(SURFACE), located(SURFACE)):
-        if path.is_file():
-            return Performance.load(path), ""
-    return None, f"no measured surface {SURFACE} (dvc repro makes it; --surface FILE names another)"
-
-
 @dataclass(frozen=True)
 class Estimated:
     """Estimates of one frame: its condition, the measures of its flags, and how it was stored."""
@@ -117,7 +90,7 @@ class FrameAnalysis:
         settings: of the frames.
         relative: whether the monitor's MTF is relative to sharp frames.
         reference_frames: of the trend; None for no trend.
-        codec: of frames of which it is not known otherwise (`pipeline.cli.options.video_codec`); empty for none.
+        codec: of frames of which it is not known otherwise (``--codec``); empty for none.
 
     Attributes:
         trend_alarms: those that began, as rows.

@@ -6,6 +6,7 @@ from math import isinf, isnan
 from typing import TYPE_CHECKING, Any
 
 from pipeline.cli.analysis.flag_words import IMPULSES, flag_names, flag_words, line_noise_dn
+from pipeline.cli.results.numbers import text_number
 from pipeline.errors import printable
 
 if TYPE_CHECKING:
@@ -146,23 +147,14 @@ def line(row: dict[str, Any]) -> str:
     """A row as text under `HEADER`."""
     patches = row["noise_patches"] + row["blur_patches"]
     answered = f"{patches - row['noise_abstained'] - row['blur_abstained']}/{patches}"
-    interval = f"{number(row['sigma_low_dn'], 2)} .. {number(row['sigma_at_most_dn'], 2)}"
-    halves = " ".join(f"{number(row[f'mtf50_{axis}'], 2):>8}" for axis in AXES)
+    interval = f"{text_number(row['sigma_low_dn'], 2)} .. {text_number(row['sigma_at_most_dn'], 2)}"
+    halves = " ".join(f"{text_number(row[f'mtf50_{axis}'], 2):>8}" for axis in AXES)
     reasons = [f"{part} {reason} {n}" for part, counts in row["abstained"].items() for reason, n in counts.items()]
     note = f"  ({', '.join(reasons)})" if reasons else ""
     note += f"  [{'; '.join(flag_words(row))}]" if row["flags"] else ""
     note += f"  ALARM: {row['alarms']}" if row["alarms"] else ""
     note += f"  undecided: {row['undecided']}" if row["undecided"] else ""
     return (
-        f"{number(row['sigma_dn'], 2):>9} {interval:>15} {halves} {answered:>11} {row['milliseconds']:>6.0f}"
+        f"{text_number(row['sigma_dn'], 2):>9} {interval:>15} {halves} {answered:>11} {row['milliseconds']:>6.0f}"
         f"  {printable(row['picture'])}{note}"
     )
-
-
-def number(value: float, decimals: int) -> str:
-    """A number; ``-`` where it is unknown; ``> 0.59`` beyond the last frequency measured."""
-    from pipeline.camera.mtf import FREQUENCIES
-
-    if isnan(value):
-        return "-"
-    return f"> {FREQUENCIES[-1]:.2f}" if isinf(value) else f"{value:.{decimals}f}"

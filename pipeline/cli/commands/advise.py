@@ -8,8 +8,9 @@ from pathlib import Path
 import click
 
 from pipeline.cli.options.given_paths import GivenPath
-from pipeline.cli.options.numbers import FiniteRange, printed
+from pipeline.cli.options.numbers import FiniteRange
 from pipeline.cli.options.video_codec import codec_option
+from pipeline.cli.results.numbers import json_number
 from pipeline.errors import InputError, printable
 
 
@@ -55,7 +56,8 @@ def command(
     from collections import Counter
 
     from pipeline.camera.exposure import Camera
-    from pipeline.cli.analysis.frame import find_surface, system_mtf
+    from pipeline.cli.analysis.frame import system_mtf
+    from pipeline.cli.analysis.surface import find_surface
     from pipeline.cli.calibration import camera_store
     from pipeline.cli.frames.pictures import expand, least_side_px, readable
     from pipeline.cli.frames.set_aside import SetAside
@@ -107,6 +109,8 @@ def command(
             except InputError as error:
                 set_aside.add(name, error)
                 continue
-            row = {key: printed(value) if isinstance(value, float) else value for key, value in advice.row().items()}
+            row = {
+                key: json_number(value) if isinstance(value, float) else value for key, value in advice.row().items()
+            }
             click.echo(json.dumps({"picture": name, **row}))
     set_aside.refuse()

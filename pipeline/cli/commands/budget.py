@@ -11,8 +11,9 @@ import click
 
 from pipeline.cli.exit_codes import ALARM
 from pipeline.cli.options.given_paths import GivenPath
-from pipeline.cli.options.numbers import FiniteRange, printed
+from pipeline.cli.options.numbers import FiniteRange
 from pipeline.cli.options.video_codec import codec_option
+from pipeline.cli.results.numbers import json_number
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
@@ -146,7 +147,7 @@ def row(budget: FrameBudget) -> dict[str, Any]:
     }
     explanations = [{"kind": item.kind, "amount": float(f"{item.amount:.3g}")} for item in budget.explanations]
     about = {"tiles": budget.tiles, "verdict": budget.verdict, "explanations": explanations, "words": words(budget)}
-    return {name: printed(value) for name, value in numbers.items()} | about
+    return {name: json_number(value) for name, value in numbers.items()} | about
 
 
 def words(budget: FrameBudget) -> str:

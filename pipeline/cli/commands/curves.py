@@ -25,7 +25,7 @@ def query(surface: Path, sigma_dn: tuple[float, ...], mtf: tuple[float, ...]) ->
     Several --sigma and --mtf give every pair. Nothing is extrapolated: a place where nothing was measured is an error.
     An MTF just above 1, as of a sharpened frame, lies in the bin of 1 and has the answer at its edge.
     """
-    from pipeline.cli.options.given_paths import refuse_other_format
+    from pipeline.cli.analysis.surface import refuse_other_format
     from pipeline.curves import Surface
     from pipeline.errors import InputError
     from pipeline.store import read_arrays

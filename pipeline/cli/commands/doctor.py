@@ -108,10 +108,10 @@ def weight_files() -> list[dict[str, Any]]:
 
 def detector_weights() -> dict[str, bool]:
     """Published detector weights: name -> whether they have been downloaded."""
-    from pipeline.cli.commands.weights import FOLDER
+    from pipeline.cli.data_folders import DETECTOR_WEIGHTS
     from pipeline.detection.weights_table import TABLE
 
-    return {name: (FOLDER / entry.file).is_file() for name, entry in TABLE.items()}
+    return {name: (DETECTOR_WEIGHTS / entry.file).is_file() for name, entry in TABLE.items()}
 
 
 def present(paths: dict[str, str]) -> dict[str, bool]:

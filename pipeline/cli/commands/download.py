@@ -6,9 +6,8 @@ from pathlib import Path
 
 import click
 
+from pipeline.cli.data_folders import RAW
 from pipeline.cli.options.given_paths import GivenPath
-
-ROOT = Path("data/raw")
 
 
 @click.command("download")
@@ -35,7 +34,7 @@ def command(name: str | None, folder: Path | None, keep_archives: bool) -> None:
     from pipeline.datasets import published
 
     data = downloads.named(name, published.TABLE, "published data")
-    target = ROOT / name if folder is None else folder
+    target = RAW / name if folder is None else folder
     click.echo(f"{name}: {data.holds}; licence: {data.licence}")
     with tqdm(unit="B", unit_scale=True, unit_divisor=1000, delay=1, leave=False) as bar:
 
@@ -68,5 +67,5 @@ def _list() -> None:
     for name, data in published.TABLE.items():
         size = published.size_bytes(name)
         megabytes = f"{size / 1e6:8.1f}" if size is not None else f"{'?':>8}"
-        here = "yes" if published.is_there(name, ROOT / name) else "no"
+        here = "yes" if published.is_there(name, RAW / name) else "no"
         click.echo(f"{name:14} {megabytes}  {here:5} {data.licence:24} {data.holds}")

@@ -119,7 +119,7 @@ def command(**given: Any) -> None:
     Exit codes: 0 fine; 3 alarm (threshold or trend); else 2 if a file could not be used; 130 interrupted.
     """
     from pipeline import freed_memory
-    from pipeline.cli.analysis.frame import find_surface
+    from pipeline.cli.analysis.surface import find_surface
     from pipeline.cli.frames.set_aside import SetAside
     from pipeline.cli.health.files import SUFFIXES, HealthFiles, HealthRun
     from pipeline.cli.results.outputs import OutputFolder

@@ -58,10 +58,10 @@ def command(
     from tqdm import tqdm
 
     from pipeline import noise
-    from pipeline.cli.analysis.rows import number
     from pipeline.cli.frames.pictures import expand, least_side_px, readable, result_stem
     from pipeline.cli.frames.set_aside import SetAside
     from pipeline.cli.results.noise_overlay import noise_overlay
+    from pipeline.cli.results.numbers import text_number
     from pipeline.cli.results.outputs import OutputFolder, RowFile, refuse_foreign_file, refuse_input
     from pipeline.condition import noise_of_frame
     from pipeline.errors import InputError, printable
@@ -98,7 +98,7 @@ def command(
                 continue
             whole, estimate, squares = state.summary, state.estimate, state.patches
             level, bound, least, most, white, correlation = (
-                number(float(value), 2)
+                text_number(float(value), 2)
                 for value in (
                     whole.value, state.at_most_dn, whole.least, whole.greatest, state.white_sigma_dn, state.correlation,
                 )

@@ -81,11 +81,12 @@ def command(
     stays so. Exit codes: 0 no alarm; 3 alarms; else 2 for no such source or a video file that is cut short or damaged.
     """
     from pipeline import freed_memory
-    from pipeline.cli.analysis.frame import FrameAnalysis, Thresholds, find_surface
+    from pipeline.cli.addresses import without_credentials
+    from pipeline.cli.analysis.frame import FrameAnalysis, Thresholds
+    from pipeline.cli.analysis.surface import find_surface
     from pipeline.cli.calibration import camera_store
     from pipeline.cli.frames.pictures import least_side_px
     from pipeline.cli.package_version import version
-    from pipeline.cli.watching.newest_frame import without_credentials
     from pipeline.cli.watching.sources import open_source
     from pipeline.condition import ConditionMonitor
     from pipeline.errors import InputError

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import click
 
+from pipeline.cli.data_folders import DETECTOR_WEIGHTS
 from pipeline.cli.options.given_paths import GivenPath
-
-FOLDER = Path("data/raw/weights")
 
 
 @click.group("weights")
@@ -17,7 +16,7 @@ def command() -> None:
 
 
 @command.command("list")
-@click.option("--to", "folder", default=FOLDER, show_default=True, type=GivenPath(), help="look here")
+@click.option("--to", "folder", default=DETECTOR_WEIGHTS, show_default=True, type=GivenPath(), help="look here")
 def list_weights(folder: Path) -> None:
     """List what can be got: name, detector, size, whether its hash is published, licence, whether it is here."""
     from pipeline.detection.weights_table import TABLE
@@ -32,7 +31,7 @@ def list_weights(folder: Path) -> None:
 
 @command.command("get")
 @click.argument("name")
-@click.option("--to", "folder", default=FOLDER, show_default=True, type=GivenPath(), help="into here")
+@click.option("--to", "folder", default=DETECTOR_WEIGHTS, show_default=True, type=GivenPath(), help="into here")
 @click.option("--sha256", help="expected hash, for a file whose hash is not published")
 def get_weights(name: str, folder: Path, sha256: str | None) -> None:
     """Download NAME and verify it, or verify it if it is there. An interrupted download goes on where it stopped."""

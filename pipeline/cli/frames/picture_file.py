@@ -1,4 +1,4 @@
-"""One picture file of a user, of any format that is read: its pixels, and what its metadata say of them."""
+"""One picture file of a user, of any format that is read: its pixels, and what its metadata hold."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from PIL import Image
 
     from pipeline.datasets.pictures import Picture
+    from pipeline.datasets.video_coding import Coding
 
 _ORIENTATION = 0x0112
 
@@ -56,6 +57,15 @@ def read_file(path: Path, least_px: int) -> PictureFile:
     orientation = _orientation(path)
     turn = f"orientation {orientation}" if orientation else ""
     return PictureFile(picture, turn, picture.alpha and _has_transparent_pixels(path))
+
+
+def coding_of_picture(path: Path) -> Coding:
+    """How a picture was stored: an AVIF file by AV1, a HEIF file mostly by HEVC, others as their pixels show."""
+    from pipeline.datasets.heif import container
+    from pipeline.datasets.video_coding import UNKNOWN, coding_of_items
+
+    codec = {"heif": "hevc", "avif": "av1"}.get(container(path))
+    return coding_of_items(path).or_by(codec) if codec else UNKNOWN
 
 
 def exif(path: Path, group: int) -> Mapping[int, object]:

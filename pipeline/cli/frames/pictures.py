@@ -150,8 +150,7 @@ def read(
         InputError: the file cannot be read, its pictures are smaller, or its name is not valid UTF-8; for a video,
             after its last good frame, frames are missing or damaged.
     """
-    from pipeline.cli.frames.picture_file import read_file
-    from pipeline.cli.options.video_codec import coding_of_picture
+    from pipeline.cli.frames.picture_file import coding_of_picture, read_file
     from pipeline.datasets.video import read_video
 
     refuse(path)

@@ -117,15 +117,15 @@ def page(content: dict[str, Any], frames: PageFrames) -> str:
     Returns:
         HTML.
     """
-    from pipeline.cli.analysis.rows import number
     from pipeline.cli.analysis.verdict import row_words
+    from pipeline.cli.results.numbers import text_number
     from pipeline.report.templates import environment
 
     rows = content["pictures"]
     table = [
         {
-            "name": row["picture"], "words": row_words(row, flags=False), "sigma": number(row["sigma_dn"], 2),
-            "horizontal": number(row["mtf50_horizontal"], 2), "vertical": number(row["mtf50_vertical"], 2),
+            "name": row["picture"], "words": row_words(row, flags=False), "sigma": text_number(row["sigma_dn"], 2),
+            "horizontal": text_number(row["mtf50_horizontal"], 2), "vertical": text_number(row["mtf50_vertical"], 2),
             "flags": row["flags"].replace("_", "-"), "alarms": row["alarms"],
         }
         for row in rows[:MOST_ROWS]

@@ -1,4 +1,4 @@
-"""Numbers on the command line: finite and within stated bounds; and as output shows them."""
+"""Numbers on the command line: finite and within stated bounds."""
 
 from __future__ import annotations
 
@@ -9,11 +9,6 @@ import click
 
 LARGEST_MTF50 = 0.59
 """Fraction of Nyquist up to which MTF50 is measured: the last of `pipeline.camera.mtf.FREQUENCIES`, rounded down."""
-
-
-def printed(value: float) -> float | None:
-    """A number as JSON output shows it: four digits; null where it is not finite, since JSON has no NaN."""
-    return float(f"{value:.4g}") if math.isfinite(value) else None
 
 
 class FiniteRange(click.FloatRange):

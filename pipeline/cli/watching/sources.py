@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.cli.options.given_paths import ADDRESS_MARK
-from pipeline.cli.watching.newest_frame import RECONNECT_S, NewestFrame, without_credentials
+from pipeline.cli.addresses import ADDRESS_MARK, without_credentials
+from pipeline.cli.watching.newest_frame import RECONNECT_S, NewestFrame
 from pipeline.datasets.video_coding import UNKNOWN, Coding
 from pipeline.errors import InputError
 

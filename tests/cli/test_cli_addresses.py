@@ -1,4 +1,4 @@
-"""Cameras and streams of ``camera-monitor watch``: no password is printed."""
+"""Addresses of streams: no password in them is printed, by any command."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import pytest
 from click.testing import CliRunner
 
 from pipeline.cli import main
-from pipeline.cli.watching.newest_frame import without_credentials
+from pipeline.cli.addresses import without_credentials
 from pipeline.datasets.video_decoder import BadVideo
 
 

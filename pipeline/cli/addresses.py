@@ -1,0 +1,26 @@
+"""Addresses of streams: how they are told from files, and printed without passwords."""
+
+from __future__ import annotations
+
+import re
+
+ADDRESS_MARK = "://"
+HIDDEN = "***"
+_ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+:/\S+", re.IGNORECASE)  # also with one slash, as by mistake
+_CREDENTIALS = re.compile(r"(?<=:/)(/?)[^/?#]*@")
+_SECRET = re.compile(
+    r"(?<=[?&;/_])([\w.-]*(?:user|usr|login|pass|pwd|psw|token|secret|auth|key|cred|sign)[\w.-]*|u|p|pw|sig)=[^&;#]*",
+    re.IGNORECASE,
+)
+"""Parameters of an address that hold a user name, a password or a key, as cameras name them."""
+
+
+def without_credentials(text: str) -> str:
+    """A text as it may be printed: the addresses in it without user name and password.
+
+    Those before the host are left out; of parameters that hold such, as ``?user=a&password=b``, the values are.
+
+    Args:
+        text: an address, another source, or a message of the decoder.
+    """
+    return _ADDRESS.sub(lambda match: _SECRET.sub(rf"\1={HIDDEN}", _CREDENTIALS.sub(r"\1", match[0])), text)
