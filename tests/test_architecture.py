@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.cli import COMMANDS
+
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "pipeline"
 FILES = sorted(PACKAGE.rglob("*.py"))
@@ -31,6 +33,17 @@ FLOORS = {
     "stages": 11, "cli": 11, "dvc": 11,
 }  # fmt: skip
 
+CLI_FLOORS = {
+    "addresses": 0, "data_folders": 0, "ending_signals": 0, "exit_codes": 0, "lazy_group": 0, "new_project": 0,
+    "onnx_networks": 0, "package_version": 0,
+    "options": 1, "results": 1,
+    "frames": 2,
+    "analysis": 3, "calibration": 3, "corruption": 3, "recording": 3,
+    "health": 4, "watching": 4,
+    "commands": 5,
+}  # fmt: skip
+"""Of the folders and modules of ``pipeline/cli``."""
+
 
 def folder(path):
     """The top-level folder or module of the package a file belongs to."""
@@ -38,8 +51,8 @@ def folder(path):
     return Path(parts[0]).stem
 
 
-def imports(path):
-    """Names of the package's folders a file imports, anywhere in it, but for type checking."""
+def imported(path):
+    """Dotted names within the package that a file imports, anywhere in it, but for type checking."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     skipped = {
         id(inner)
@@ -54,10 +67,16 @@ def imports(path):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module:
-            names = [node.module] if node.module != "pipeline" else [f"pipeline.{alias.name}" for alias in node.names]
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
         for name in names:
             if name.startswith("pipeline."):
-                yield name.split(".")[1], node.lineno
+                yield name.split("."), node.lineno
+
+
+def imports(path):
+    """Names of the package's folders a file imports (`imported`)."""
+    for parts, line in imported(path):
+        yield parts[1], line
 
 
 def calls(path):
@@ -77,6 +96,23 @@ def test_modules_import_only_from_lower_floors(path):
         if other != selected:
             below = FLOORS[other] < FLOORS[selected] or FLOORS[selected] == FLOORS[other] == 0
             assert below, f"{path.relative_to(ROOT)}:{line} reaches from floor {FLOORS[selected]} to {other}"
+
+
+@pytest.mark.parametrize("path", sorted((PACKAGE / "cli").rglob("*.py")), ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_the_command_line_has_floors_too_and_no_command_imports_another(path):
+    selected = Path(path.relative_to(PACKAGE / "cli").parts[0]).stem
+    if selected.startswith("__"):
+        return
+    assert selected in CLI_FLOORS, f"{selected} has no floor; say where it belongs"
+    for (_, top, *below), line in imported(path):
+        if top == "cli" and (below[0] != selected or selected == "commands"):
+            floor, other = CLI_FLOORS[selected], CLI_FLOORS[below[0]]
+            reached = f"{path.relative_to(ROOT)}:{line} reaches from {selected} to {below[0]}"
+            assert other < floor or other == floor == 0, reached
+
+
+def test_every_command_is_a_file_of_its_name():
+    assert {path.stem for path in (PACKAGE / "cli/commands").glob("*.py")} == {"__init__", *COMMANDS}
 
 
 def test_the_readme_names_every_package_on_its_floor():
