@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import signal
 import threading
-import time
-from collections import Counter
-from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -22,17 +16,6 @@ from pipeline.cli.options.given_paths import GivenPath
 from pipeline.cli.options.numbers import FiniteRange, Mtf50Limit
 from pipeline.cli.options.video_codec import codec_option
 from pipeline.signals import handled
-
-if TYPE_CHECKING:
-    from pipeline.cli.analysis.frame import FrameAnalysis
-    from pipeline.cli.watching.sources import SourceFrame
-
-STATED = (
-    "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "sigma_at_most_dn", "mtf50_horizontal", "mtf50_vertical",
-    "mtf50_horizontal_status", "mtf50_vertical_status", "ap_percent", "row_noise_dn", "column_noise_dn",
-    "dead_lines", "impulse_fraction", "flags", "alarms", "undecided", "milliseconds", "white_sigma_dn",
-    "noise_correlation",
-)  # fmt: skip
 
 
 @click.command("watch")
@@ -87,6 +70,7 @@ def command(
     from pipeline.cli.calibration import camera_store
     from pipeline.cli.frames.pictures import least_side_px
     from pipeline.cli.package_version import version
+    from pipeline.cli.watching.loop import Watch
     from pipeline.cli.watching.sources import open_source
     from pipeline.condition import ConditionMonitor
     from pipeline.errors import InputError
@@ -110,7 +94,7 @@ def command(
             codec=codec or "",
         )  # fmt: skip
         sharp_px = None if camera is None else camera.size_px
-        watch = _Watch(source, analysis, window, sharp_px, least_side_px(monitor.noise_estimator))
+        watch = Watch(source, analysis, window, sharp_px, least_side_px(monitor.noise_estimator))
         watch.emit(
             "start", source=without_credentials(source), version=version(), blur_estimator=blur_name,
             noise_estimator=noise_name, weights_released=monitor.weights_released, weights_sha256=hashes,
@@ -126,114 +110,6 @@ def command(
         raise SystemExit(ALARM)
     if watch.problem and Path(source).is_file():  # a live source or a folder goes on in spite of a bad frame
         raise InputError(watch.problem)
-
-
-class _Watch:
-    """The loop: frames in, lines out."""
-
-    def __init__(
-        self,
-        source: str,
-        analysis: FrameAnalysis,
-        window: int,
-        sharp_px: tuple[int, int] | None = None,
-        least_px: int = 1,
-    ) -> None:
-        from pipeline.cli.watching.alarms import ActiveAlarms
-        from pipeline.cli.watching.state import RollingState
-
-        self.source, self.analysis, self.state = source, analysis, RollingState(window)
-        self.frames = self.alarms = self.set_aside = 0
-        self.problem = ""  # the last one
-        self._sharp_px, self._least_px = sharp_px, least_px
-        self._began = time.monotonic()
-        self._alarms = ActiveAlarms()
-        self._drifted: set[tuple[str, str]] = set()  # sequence and quantity, stated already
-        self._undecided: Counter[str] = Counter()
-        self._window = window
-
-    def emit(self, event: str, **content: Any) -> None:
-        """Print one line and flush it, so that a pipe gets it at once."""
-        from pipeline.store import plain_json
-
-        line = {"event": event, "seconds": round(time.monotonic() - self._began, 3), **content}
-        print(json.dumps(plain_json(line)), flush=True)
-
-    def run(self, came: Iterator[SourceFrame], most_frames: int | None, idle_stop: float | None) -> str:
-        """Analyse frames until the source ends, enough have come, or nothing comes; why it ended."""
-        last = time.monotonic()
-        for frame in came:
-            if frame.image is not None:
-                self._frame(frame)
-            elif frame.problem:
-                self._problem(frame)
-            if frame.image is not None or (frame.problem and not frame.signal_lost):
-                last = time.monotonic()  # a file that cannot be used has come, too; to find that out takes time
-            if most_frames is not None and self.frames >= most_frames:
-                return "frames"
-            if idle_stop is not None and time.monotonic() - last > idle_stop:
-                return "idle"
-        return "end"
-
-    def _frame(self, frame: SourceFrame) -> None:
-        from pipeline.cli.analysis.frame import series_name
-        from pipeline.cli.calibration.camera_store import of_other_size
-        from pipeline.cli.frames.pictures import too_small
-        from pipeline.cli.watching.alarms import alarm_words
-        from pipeline.errors import InputError
-
-        assert frame.image is not None
-        sequence = series_name(self.source, frame.image.shape)
-        try:
-            if small := too_small(frame.image.shape, self._least_px):
-                raise InputError(f"{frame.name}: {small}")
-            row, _ = self.analysis.analyse(frame.name, frame.image, self.source, sequence, coding=frame.coding)
-        except InputError as error:
-            self._problem(replace(frame, image=None, problem=str(error)))
-            return
-        self.frames += 1
-        if self._sharp_px is not None and frame.image.shape != self._sharp_px:
-            reason = of_other_size(frame.name, frame.image.shape, [self._sharp_px])
-            self.emit("warning", picture=frame.name, reason=reason)
-            self._sharp_px = None  # once is enough
-        trend = self.analysis.trends[sequence]
-        self.emit(
-            "frame", **{name: row[name] for name in STATED}, trend=trend.state(), trend_of=trend.watched,
-            state=self.state.add(row),
-        )  # fmt: skip
-        violated = [name for name in row["alarms"].split(", ") if name]
-        unknown = [name for name in row["undecided"].split(", ") if name]
-        trends = {
-            f"trend {alarm['quantity']}": alarm["words"]
-            for alarm in self.analysis.trend_alarms
-            if alarm["sequence"] == sequence
-        }
-        begun, cleared = self._alarms.update(violated, unknown)
-        for name in begun:
-            self.alarms += 1
-            words = trends[name] if name in trends else alarm_words(name, row, self.analysis.thresholds)
-            self.emit("alarm", alarm=name, picture=row["picture"], words=words)
-        for name in cleared:
-            self.emit("cleared", alarm=name, picture=row["picture"])
-        self._state_drifts(sequence, row["picture"])
-        self._undecided = Counter({name: self._undecided[name] + 1 for name in unknown})
-        for name, count in self._undecided.items():
-            if count == self._window:  # once, until it is known again
-                self.emit("undecided", alarm=name, picture=row["picture"], frames=count)
-
-    def _state_drifts(self, sequence: str, picture: str) -> None:
-        """Warn once of each quantity that changed within the reference frames of its trend."""
-        for quantity, drift in self.analysis.trends[sequence].drifts.items():
-            if (sequence, quantity) not in self._drifted:
-                self._drifted.add((sequence, quantity))
-                reason = f"no reliable trend, changed within the reference: {drift.words()}"
-                self.emit("warning", picture=picture, reason=reason)
-
-    def _problem(self, frame: SourceFrame) -> None:
-        self.set_aside += 1
-        self.problem = frame.problem
-        event = "no_signal" if frame.signal_lost else "set_aside"
-        self.emit(event, picture=frame.name, reason=frame.problem)
 
 
 class _Stop:

@@ -23,10 +23,13 @@ from interrupts import heed_interrupts
 from pipeline.camera.processing.codec import video_file
 from pipeline.cli import main
 from pipeline.cli.analysis.frame import Thresholds
-from pipeline.cli.commands.watch import STATED, _Watch
 from pipeline.cli.watching.alarms import alarm_words
-from pipeline.cli.watching.sources import SourceFrame, filling_folder, live, played_video
+from pipeline.cli.watching.folder import filling_folder
+from pipeline.cli.watching.loop import STATED, Watch
+from pipeline.cli.watching.source_frame import SourceFrame
+from pipeline.cli.watching.sources import live
 from pipeline.cli.watching.state import RollingState
+from pipeline.cli.watching.video_file import played_video
 from pipeline.condition.trend import ConditionTrend
 from pipeline.streams import stream
 
@@ -335,7 +338,7 @@ def test_frames_of_a_stream_carry_its_codec_and_quantiser(tmp_path):
 def test_a_device_that_has_gone_silent_counts_as_idle(tmp_path):
     """A file stands for a device here: after its last frame it delivers nothing."""
     stop, analysis = threading.Event(), SimpleNamespace()
-    loop = _Watch("device", analysis, 5)
+    loop = Watch("device", analysis, 5)
     loop._frame = lambda frame: None
     clock = threading.Timer(20.0, stop.set)
     clock.start()
@@ -348,8 +351,8 @@ def test_a_device_that_has_gone_silent_counts_as_idle(tmp_path):
 
 def test_files_that_cannot_be_used_are_not_idle_time(capsys, monkeypatch):
     """Each takes a second here; it stopped as idle among them, and later pictures were never read."""
-    loop, nothing = _Watch("folder", SimpleNamespace(), 5), [SourceFrame("folder", None)] * 9
-    monkeypatch.setattr("pipeline.cli.commands.watch.time.monotonic", iter(range(99)).__next__)
+    loop, nothing = Watch("folder", SimpleNamespace(), 5), [SourceFrame("folder", None)] * 9
+    monkeypatch.setattr("pipeline.cli.watching.loop.time.monotonic", iter(range(99)).__next__)
     loop._frame = lambda frame: setattr(loop, "frames", 1)
     came = [*(SourceFrame(name, None, "truncated") for name in "abc"), SourceFrame("d", np.ones((9, 9)))]
     assert loop.run(iter(came + nothing), None, 2.5) == "idle" and (loop.set_aside, loop.frames) == (3, 1)
@@ -393,7 +396,7 @@ def test_a_stream_of_another_transfer_curve_is_measured_with_one_warning(tmp_pat
 
 def test_it_runs_where_its_output_was_closed(monkeypatch):
     monkeypatch.setattr(sys, "stdout", None)  # as behind ``>&-``
-    _Watch("device", SimpleNamespace(), 5).emit("start")
+    Watch("device", SimpleNamespace(), 5).emit("start")
 
 
 VIOLATED, UNDECIDED, KEPT = ("noise", ""), ("", "noise"), ("", "")
@@ -403,7 +406,7 @@ def changes_of(seen, window, capsys):
     """Events but frames, each with the number of its frame; each frame by its alarms and undecided limits."""
     trend = SimpleNamespace(state=lambda: "learning", watched=(), drifts={})
     analysis = SimpleNamespace(trend_alarms=[], trends={"device 40x40": trend}, thresholds=Thresholds(0.1))
-    loop = _Watch("device", analysis, window)
+    loop = Watch("device", analysis, window)
     loop.state = SimpleNamespace(add=lambda row: {})
     for number, (alarms, undecided) in enumerate(seen):
         row = {**dict.fromkeys(STATED, 0.2), "picture": number, "alarms": alarms, "undecided": undecided}
@@ -437,7 +440,7 @@ def test_every_kind_of_alarm_has_words():
 def test_a_reference_in_which_blur_changed_is_warned_of_once_and_a_trend_alarm_has_its_own_words(capsys):
     trend = ConditionTrend(100)
     analysis = SimpleNamespace(trend_alarms=[], trends={"device 40x40": trend}, thresholds=Thresholds())
-    loop = _Watch("device", analysis, 5)
+    loop = Watch("device", analysis, 5)
     loop.state = SimpleNamespace(add=lambda row: {})
     draws = stream(0, "watch drift")
     for number in range(150):

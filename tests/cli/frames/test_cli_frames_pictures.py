@@ -23,7 +23,7 @@ from pipeline.cli.frames.picture_file import coding_of_picture
 from pipeline.cli.frames.pictures import TURNED, expand, natural_order, read, readable, refuse
 from pipeline.cli.frames.shot_settings import exif
 from pipeline.cli.options.video_codec import NAMED
-from pipeline.cli.watching.sources import filling_folder
+from pipeline.cli.watching.folder import filling_folder
 from pipeline.condition.video_codecs import HIDDEN
 from pipeline.datasets.video_coding import UNKNOWN
 from pipeline.errors import InputError

@@ -9,8 +9,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from pipeline.cli.watching import sources as watch_sources
-from pipeline.cli.watching.sources import KEPT_IN_VIEW_S, LEAST_REST, SourceFrame, filling_folder
+from pipeline.cli.watching import folder
+from pipeline.cli.watching.folder import KEPT_IN_VIEW_S, LEAST_REST, filling_folder
+from pipeline.cli.watching.source_frame import SourceFrame
 
 LOOK_S = 0.25  # processor time that a look at every file is said to take
 OLD = [f"{number:03}.png" for number in range(20)]
@@ -35,15 +36,15 @@ class Clock:
 def watched(tmp_path, monkeypatch):
     """A folder of 20 pictures that were read long ago: ``next_look`` gives names read and names looked at."""
     clock, asked, stop = Clock(), Counter(), threading.Event()
-    status = watch_sources._status
+    status = folder._status
 
     def counted(file):
         asked[file.name] += 1
         return status(file)
 
-    monkeypatch.setattr(watch_sources, "time", clock)
-    monkeypatch.setattr(watch_sources, "_status", counted)
-    monkeypatch.setattr(watch_sources, "_picture", lambda file, hinted: SourceFrame(file.name, None, "read"))
+    monkeypatch.setattr(folder, "time", clock)
+    monkeypatch.setattr(folder, "_status", counted)
+    monkeypatch.setattr(folder, "_picture", lambda file, hinted: SourceFrame(file.name, None, "read"))
     monkeypatch.setattr(stop, "wait", lambda seconds: setattr(clock, "now_s", clock.now_s + seconds))
     for name in OLD:
         (tmp_path / name).write_bytes(b"old")
