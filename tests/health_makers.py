@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.blur.base import BlurEstimate
-from pipeline.cli.health.files import HealthRun
+from pipeline.cli.health.run import HealthRun
 from pipeline.condition import BlurState, Condition, ConditionMonitor, NoiseState
 from pipeline.condition.summary import summarise
 from pipeline.noise.base import NoiseEstimate

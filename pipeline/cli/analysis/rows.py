@@ -21,6 +21,8 @@ COLUMNS = (
     "obstructed_fraction", "row_noise_dn", "column_noise_dn", "dead_lines", "impulse_fraction", "repeats", "flags",
     "alarms", "undecided", "drawn",
 )  # fmt: skip
+NOISE = ("sigma_dn", "sigma_high_dn", "sigma_at_most_dn")
+"""Columns that the noise is put into words from."""
 NOISE_PARTS = ("white_sigma_dn", "noise_correlation")
 """Columns of the part of the noise that is white, and of its correlation between neighbours."""
 WRITTEN = (

@@ -19,12 +19,10 @@ from pipeline.cli.options.video_codec import codec_option
 from pipeline.errors import printable
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from pipeline.cli.analysis.frame import FrameAnalysis
     from pipeline.cli.frames.set_aside import SetAside
-    from pipeline.cli.health.files import HealthFiles, HealthRun
+    from pipeline.cli.health.files import HealthFiles
+    from pipeline.cli.health.run import HealthRun
     from pipeline.condition import ConditionMonitor
     from pipeline.control.performance import Performance
 
@@ -121,7 +119,9 @@ def command(**given: Any) -> None:
     from pipeline import freed_memory
     from pipeline.cli.analysis.surface import find_surface
     from pipeline.cli.frames.set_aside import SetAside
-    from pipeline.cli.health.files import SUFFIXES, HealthFiles, HealthRun
+    from pipeline.cli.health.files import SUFFIXES, HealthFiles
+    from pipeline.cli.health.monitor import monitor_of
+    from pipeline.cli.health.run import HealthRun
     from pipeline.cli.results.outputs import OutputFolder
     from pipeline.executor import one_thread
 
@@ -139,7 +139,7 @@ def command(**given: Any) -> None:
             folder = OutputFolder(options.out, "health", "--out", [*files, *sharp_files])
             stack.push(folder)  # not entered yet: earlier results stay until no option can be refused any more
             folder.refuse_foreign_files([f"health{suffix}" for suffix in SUFFIXES])
-        monitor, sharp_sizes = _monitor(options, about)
+        monitor, sharp_sizes = monitor_of(options, about)
         analysis = _analysis(options, monitor, performance)
         run.trend_alarms = analysis.trend_alarms
         if folder is not None:
@@ -150,32 +150,6 @@ def command(**given: Any) -> None:
     if results is not None:
         click.echo(f"written to {options.out}; page {results.page}", err=options.as_json or options.as_lines)
     _end(options, run, set_aside)
-
-
-def _monitor(options: HealthOptions, about: dict[str, Any]) -> tuple[ConditionMonitor, set[tuple[int, ...]]]:
-    """The monitor, calibrated as asked for, and the sizes (H, W) of frames that its calibration is of.
-
-    Args:
-        options: of the command.
-        about: of the run; its weights are written to it.
-    """
-    from pipeline.cli.calibration import camera_store
-    from pipeline.condition import ConditionMonitor
-    from pipeline.recording.provenance import monitor_weights
-
-    monitor = ConditionMonitor(
-        options.estimator, options.noise_name, blur_options={"output": "relative"} if options.generic_lens else None,
-        most_tiles=options.most_tiles, most_patches=options.most_patches,
-    )  # fmt: skip
-    about |= {"weights_released": monitor.weights_released, "weights_sha256": monitor_weights(monitor)}
-    if options.sharp:
-        return monitor, _calibrate(monitor, options)
-    if options.camera is None:
-        return monitor, set()
-    camera_store.apply(options.camera, monitor)
-    if doubt := options.camera.doubt():
-        click.echo(f"warning: {doubt}", err=True)
-    return monitor, set() if options.camera.size_px is None else {options.camera.size_px}
 
 
 def _analysis(options: HealthOptions, monitor: ConditionMonitor, performance: Performance | None) -> FrameAnalysis:
@@ -204,6 +178,7 @@ def _analyse(
     from pipeline.cli.analysis.frame import series_name
     from pipeline.cli.calibration import camera_store
     from pipeline.cli.frames.pictures import least_side_px, readable, stream_of
+    from pipeline.cli.health.trend_words import without_trend
     from pipeline.errors import InputError
     from pipeline.store import plain_json
 
@@ -228,7 +203,7 @@ def _analyse(
                 if results is not None:
                     results.add(row, image, condition)
                 run.rows.append(row)
-            run.without_trend = _without_trend(analysis, options.reference_frames)
+            run.without_trend = without_trend(analysis, options.reference_frames)
             if options.as_lines:
                 click.echo(json.dumps(plain_json(row), sort_keys=True))
     run.complete = True
@@ -236,7 +211,7 @@ def _analyse(
 
 def _end(options: HealthOptions, run: HealthRun, set_aside: SetAside) -> None:
     """Last messages and the exit code."""
-    from pipeline.cli.analysis.verdict import undecided_alarms
+    from pipeline.cli.health.verdict import undecided_alarms
 
     if options.as_lines:  # which have no verdict
         for sentence in undecided_alarms(run.rows):
@@ -263,47 +238,6 @@ def sequence_names(files: Sequence[Path]) -> dict[str, str]:
     return {str(file): folder for folder, members in folders.items() if len(members) > 1 for file in members}
 
 
-def _without_trend(analysis: FrameAnalysis, reference_frames: int) -> str:
-    """Which quantities have no trend, or no reliable one, and why; empty where all have one or none is expected."""
-    from pipeline.condition.trend import QUANTITIES
-
-    series = [trend.learning for trend in analysis.trends.values()]
-    if not series:
-        return ""
-    sentences = _drifted(analysis, reference_frames)
-    counts = {name: max(part[name] for part in series) for name in QUANTITIES if all(name in part for part in series)}
-    if counts:
-        of = "" if len(counts) == len(QUANTITIES) else f" of {', '.join(counts)}"
-        frames = sorted({min(counts.values()), max(counts.values())})
-        known = " to ".join(str(count) for count in frames)
-        have = "frame of a series has" if frames == [1] else "frames of a series have"
-        sentences.append(f"No trend{of}: {known} {have} an estimate, the reference alone takes {reference_frames}.")
-    return " ".join(sentences)
-
-
-def _drifted(analysis: FrameAnalysis, reference_frames: int) -> list[str]:
-    """That quantities changed within their reference, so that later changes may not show: a sentence per series."""
-    from pipeline.condition.change_point import LEAST_REFERENCE
-
-    sentences = []
-    for name, trend in analysis.trends.items():
-        drifts = trend.drifts.values()
-        if not drifts:
-            continue
-        where = f" in {printable(name)}" if len(analysis.trends) > 1 else ""
-        words = "; ".join(drift.words() for drift in drifts)
-        unreliable = [drift.quantity for drift in drifts if drift.instead is None]
-        if unreliable:
-            fewer = "give fewer --reference-frames, or " if reference_frames > LEAST_REFERENCE else ""
-            sentences.append(
-                f"No reliable trend of {', '.join(unreliable)}{where}: changed within the reference ({words}); "
-                f"{fewer}start from a camera in order."
-            )
-        else:
-            sentences.append(f"Changed within the first reference of the trend{where}: {words}.")
-    return sentences
-
-
 def _print_run(run: HealthRun, as_json: bool) -> None:
     """The verdict, then the table; or everything as JSON."""
     from pipeline.cli.analysis.rows import HEADER, line
@@ -323,26 +257,3 @@ def _print_run(run: HealthRun, as_json: bool) -> None:
         click.echo(f"\n{HEADER}")
     for row in run.rows:
         click.echo(line(row))
-
-
-def _calibrate(monitor: ConditionMonitor, options: HealthOptions) -> set[tuple[int, ...]]:
-    """Calibrate a monitor to sharp frames, whose sizes (H, W) are returned; warns of those that do not look sharp."""
-    import warnings
-    from collections import Counter
-
-    from pipeline.cli.frames.pictures import least_side_px, read
-
-    images: list[NDArray[np.float32]] = []
-    names: list[str] = []
-    hinted = Counter[int]()
-    for file in options.sharp_files:
-        for name, image, _ in read(file, options.every, hinted, least_side_px(monitor.noise_estimator)):
-            images.append(image)
-            names.append(f"--sharp {name}")
-    with warnings.catch_warnings(record=True) as doubts:
-        warnings.simplefilter("always")
-        monitor.calibrate(images, fitted=options.calibrate_estimator, names=names)
-    for doubt in doubts:
-        if doubt.category is UserWarning:  # and not the remarks of a library
-            click.echo(f"warning: {doubt.message}", err=True)
-    return {image.shape for image in images}

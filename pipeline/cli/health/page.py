@@ -80,7 +80,7 @@ class PageFrames:
         import cv2
         import numpy as np
 
-        from pipeline.cli.analysis.verdict import badness
+        from pipeline.cli.health.ranking import badness
 
         score, shown = badness(row), self._count % self._step == 0
         kept = len(self._worst) < WORST_FRAMES or score > self._worst[0][0]
@@ -111,13 +111,13 @@ def page(content: dict[str, Any], frames: PageFrames) -> str:
     """The page.
 
     Args:
-        content: the run (`pipeline.cli.health.files.HealthRun.content`).
+        content: the run (`pipeline.cli.health.run.HealthRun.content`).
         frames: pictures of it.
 
     Returns:
         HTML.
     """
-    from pipeline.cli.analysis.verdict import row_words
+    from pipeline.cli.health.row_words import row_words
     from pipeline.cli.results.numbers import text_number
     from pipeline.report.templates import environment
 

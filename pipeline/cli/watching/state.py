@@ -28,7 +28,7 @@ class RollingState:
             frames), ``words``, and ``flags`` with the share of frames.
         """
         from pipeline.cli.analysis.flag_words import flag_names
-        from pipeline.cli.analysis.verdict import (
+        from pipeline.cli.analysis.medians import (
             directed_shares,
             known_median,
             median_mtf,

@@ -447,9 +447,13 @@ def test_a_run_that_ends_before_its_first_frame_says_why(tmp_path, monkeypatch, 
         raise error
 
     path, out = write(tmp_path / "a.png", 5.0), tmp_path / "out"
-    for function, results in (("ConditionMonitor", set()), ("frame_flags.measure", {"health.json", "health.html"})):
+    cases = {
+        "pipeline.cli.health.monitor.ConditionMonitor": set(),
+        "pipeline.condition.frame_flags.measure": {"health.json", "health.html"},
+    }
+    for function, results in cases.items():
         with monkeypatch.context() as patch:
-            patch.setattr(f"pipeline.condition.{function}", refuse)
+            patch.setattr(function, refuse)
             done = call(path, "--out", out)
         assert done.exit_code == code and words in done.output.lower() and "Traceback" not in done.output
         assert {file.name for file in out.iterdir() if file.suffix in (".json", ".html")} == results

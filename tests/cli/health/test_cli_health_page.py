@@ -19,9 +19,10 @@ from health_makers import CONDITION, KnownMonitor, frame_row, run_of
 
 from pipeline.cli import main
 from pipeline.cli.analysis.frame import FrameAnalysis, Settings, Thresholds
-from pipeline.cli.analysis.verdict import row_words, run_verdict
-from pipeline.cli.commands.health import _without_trend
 from pipeline.cli.health.page import MOST_THUMBNAILS, WORST_FRAMES, PageFrames, page
+from pipeline.cli.health.row_words import row_words
+from pipeline.cli.health.trend_words import without_trend
+from pipeline.cli.health.verdict import run_verdict
 from pipeline.condition.trend import ConditionTrend
 from pipeline.streams import stream
 
@@ -166,24 +167,24 @@ def test_what_has_no_trend_for_want_of_estimates_is_stated(frames, sigma_dn, sen
     trend = ConditionTrend(100)
     for _ in range(frames):
         trend.step(sigma_dn, np.full((2, 8), 0.5))
-    assert _without_trend(SimpleNamespace(trends={"v.mp4": trend}), 100) == sentence
-    assert _without_trend(SimpleNamespace(trends={}), 100) == ""
+    assert without_trend(SimpleNamespace(trends={"v.mp4": trend}), 100) == sentence
+    assert without_trend(SimpleNamespace(trends={}), 100) == ""
 
 
 def test_a_quantity_that_changed_within_the_reference_is_stated():
     trend, reference = ConditionTrend(120), stream(0, "changed reference").normal(0, 0.02, 400)
     for number in range(120):
         trend.step(2.0 * np.exp(0.01 * number + reference[number]), np.full((2, 8), 0.5))
-    sentence = _without_trend(SimpleNamespace(trends={"v.mp4": trend}), 120)
+    sentence = without_trend(SimpleNamespace(trends={"v.mp4": trend}), 120)
     assert sentence.startswith("No reliable trend of noise: changed within the reference (noise 2.")
     assert sentence.endswith(
         " DN within frames 0 to 119); give fewer --reference-frames, or start from a camera in order."
     )
-    two = _without_trend(SimpleNamespace(trends={"v.mp4": trend, "w.mp4": ConditionTrend(120)}), 120)
+    two = without_trend(SimpleNamespace(trends={"v.mp4": trend, "w.mp4": ConditionTrend(120)}), 120)
     assert "No reliable trend of noise in v.mp4: " in two
     for number in range(120, 400):  # steady from here on
         trend.step(2.0 * np.exp(1.2 + reference[number]), np.full((2, 8), 0.5))
-    sentence = _without_trend(SimpleNamespace(trends={"v.mp4": trend}), 120)
+    sentence = without_trend(SimpleNamespace(trends={"v.mp4": trend}), 120)
     assert sentence.startswith("Changed within the first reference of the trend: noise 2.")
     assert sentence.endswith("compared with frames 120 to 239 since.")
 

@@ -5,21 +5,26 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from math import isfinite
-from statistics import median
 from types import MappingProxyType
 from typing import Any
 
-from pipeline.cli.analysis.rows import NOISE_PARTS, is_beyond
+from pipeline.cli.analysis.medians import (
+    bounded_median,
+    directed_shares,
+    known_median,
+    median_mtf,
+    median_noise,
+    median_noise_parts,
+    median_precision,
+    noise_mostly_unknown,
+)
+from pipeline.cli.analysis.rows import is_beyond
+from pipeline.cli.health.ranking import BAD_BLUR, badness, is_bad
+from pipeline.cli.health.row_words import noise_level_words, row_words
 from pipeline.errors import printable
 
 LEAST_GAIN_PERCENT = 2.0
 """Points of average precision that other settings must promise to be advised."""
-
-NOISE = ("sigma_dn", "sigma_high_dn", "sigma_at_most_dn")
-"""Columns that the noise is put into words from."""
-
-BAD_BLUR = ("moderately blurred", "strongly blurred")
-BAD_NOISE = ("high", "very high")
 
 LEAST_BLURRED_FRACTION = 0.2
 """Of a frame's patches, from which it is stated that a part is blurred."""
@@ -66,7 +71,7 @@ def run_verdict(
     blur, noise = grades.words()
     blur += f" (relative to {relative_to})" if relative_to and grades.blur else ""
     beside = left_out_words(rows[0]) if len(rows) == 1 else []
-    condition = "; ".join([blur, f"{noise}{_level(sigma, high, at_most)}", *beside])
+    condition = "; ".join([blur, f"{noise}{noise_level_words(sigma, high, at_most)}", *beside])
     start = f"Median of {len(rows)} frames: {condition}" if len(rows) > 1 else condition[:1].upper() + condition[1:]
     sentence = ". ".join([start, *_precision(rows), *_causes(grades.causes()), *_advice(rows)]) + "."
     sentences = [
@@ -83,156 +88,6 @@ def run_verdict(
         "median_ap_percent": median_precision(rows), "median_white_sigma_dn": white,
         "median_noise_correlation": correlation,
     }  # fmt: skip
-
-
-def median_mtf(rows: Sequence[dict[str, Any]], column: str = "mtf") -> Any:
-    """(2, 8) median MTF of the frames that have one; NaN where most have none.
-
-    Args:
-        rows: of frames.
-        column: ``mtf``, or ``mtf_low`` and ``mtf_high`` for the ends of its interval.
-    """
-    import numpy as np
-
-    curves = np.array([row[column] for row in rows], dtype=float)
-    known = curves[np.isfinite(curves).all(axis=(1, 2))]
-    return np.median(known, axis=0) if 2 * len(known) >= max(len(rows), 1) else np.full((2, 8), np.nan)
-
-
-def noise_mostly_unknown(rows: Sequence[dict[str, Any]]) -> bool:
-    """Whether the noise of more frames is unknown than known.
-
-    Those that have an estimate are then no sample of them: behind a codec the noisiest, of bright frames the darkest.
-    """
-    return 2 * sum(isfinite(row["sigma_dn"]) for row in rows) < len(rows)
-
-
-def median_noise(rows: Sequence[dict[str, Any]]) -> tuple[float, float, float]:
-    """Medians of the frames' noise, of the upper ends of its intervals, and of what there is at most, DN.
-
-    Args:
-        rows: of frames.
-
-    Returns:
-        NaN where no frame has one; of noise and intervals also where `noise_mostly_unknown`, of bounds where
-        `bounded_median` has none.
-    """
-    sigma, high = (known_median(row[name] for row in rows) for name in NOISE[:2])
-    at_most = bounded_median(rows, NOISE[2], float("inf"))
-    return (float("nan"), float("nan"), at_most) if noise_mostly_unknown(rows) else (sigma, high, at_most)
-
-
-def median_noise_parts(rows: Sequence[dict[str, Any]]) -> tuple[float, float]:
-    """Medians of the white part of the frames' noise, DN, and of its correlation between neighbours.
-
-    Args:
-        rows: of frames.
-
-    Returns:
-        NaN where no frame has one, or `noise_mostly_unknown`.
-    """
-    if noise_mostly_unknown(rows):
-        return float("nan"), float("nan")
-    white, correlation = (known_median(row[name] for row in rows) for name in NOISE_PARTS)
-    return white, correlation
-
-
-def bounded_median(rows: Sequence[dict[str, Any]], column: str, worst: float) -> float:
-    """Median of a bound that frames have; those without one count as the worst that it could be.
-
-    Args:
-        rows: of frames.
-        column: of the bound.
-        worst: infinite, with the sign of what the bound excludes.
-
-    Returns:
-        NaN unless more than half of the frames, and of those without an estimate of noise, have a bound: the few that
-        have one are no sample of the others.
-    """
-    without = [row for row in rows if not isfinite(row["sigma_dn"])]
-    for part in (rows, without):
-        if part and 2 * sum(isfinite(row[column]) for row in part) <= len(part):
-            return float("nan")
-    return float(median([row[column] if isfinite(row[column]) else worst for row in rows]))
-
-
-def median_precision(rows: Sequence[dict[str, Any]]) -> float:
-    """Median of the expected AP of the frames, percent; NaN where none has one, or `noise_mostly_unknown`."""
-    return float("nan") if noise_mostly_unknown(rows) else known_median(row["ap_percent"] for row in rows)
-
-
-def badness(row: dict[str, Any]) -> tuple[float, ...]:
-    """Order of frames from good to bad: by alarms, flags, the worse grade, then lost contrast and noise.
-
-    What is unknown counts 0, and so does a grade of blur that is uncertain; noise beyond what is measured is very high.
-    """
-    import numpy as np
-
-    from pipeline.condition.verdict import BLUR_GRADES, HIGHEST_NOISE, NOISE_GRADES
-    from pipeline.noise.abstentions import LARGEST_DN
-
-    blur = ["", *(name for _, name in reversed(BLUR_GRADES))]
-    noise = ["", *(name for _, name in NOISE_GRADES[2:]), HIGHEST_NOISE]
-    noise_grade = HIGHEST_NOISE if is_beyond(row) else row["noise"]
-    grades = (
-        blur.index(row["blur"]) if row["blur"] in blur and not row["blur_range"] else 0,
-        noise.index(noise_grade) if noise_grade in noise else 0,
-    )
-    lost, sigma = 1 - float(np.mean(row["mtf"])), (LARGEST_DN if is_beyond(row) else row["sigma_dn"]) / 25
-    rest = sum(part for part in (lost, sigma) if isfinite(part))
-    return float(bool(row["alarms"])), float(bool(row["flags"])), float(max(grades)), rest
-
-
-def row_words(row: dict[str, Any], *, flags: bool = True) -> str:
-    """The condition of one frame in words.
-
-    Args:
-        row: of the frame.
-        flags: whether all of its flags are named, not only those of noise that the estimate leaves out.
-    """
-    from pipeline.cli.analysis.flag_words import flag_words, left_out_words
-    from pipeline.condition.verdict import blur_words
-    from pipeline.noise.abstentions import LARGEST_DN
-
-    blur = blur_words(row["blur"], row["blur_direction"], row["blur_range"])
-    level = f" (beyond {LARGEST_DN:g} DN)" if is_beyond(row) else _level(*(row[name] for name in NOISE))
-    noise = f"noise {row['noise'] or 'unknown'}{level}"
-    return "; ".join([blur, noise, *(flag_words(row) if flags else left_out_words(row))])
-
-
-def _level(sigma_dn: float, high_dn: float, at_most_dn: float) -> str:
-    """Noise in DN, in brackets; where it is unknown, its bound, and nothing without one.
-
-    Where it is very low, but moderate or more within its interval, how much texture may hide is stated too; where it is
-    more, how much there may be, if that is moderate or more and at least half as much again.
-    """
-    from pipeline.condition.verdict import NOISE_GRADES, bound_words, may_be_much_more
-
-    if not isfinite(sigma_dn):
-        bound = bound_words(at_most_dn)
-        return f" ({bound})" if bound else ""
-    (very_low, _), (low, _), *_ = NOISE_GRADES
-    if sigma_dn < very_low:
-        more = f"; texture may hide up to {high_dn:.0f} DN" if high_dn >= low else ""
-    else:
-        unsure = high_dn >= low and may_be_much_more(sigma_dn, high_dn)
-        more = f"; there may be up to {high_dn:.0f} DN" if unsure else ""
-    return f" ({sigma_dn:.1f} DN{more})"
-
-
-def directed_shares(rows: Sequence[dict[str, Any]]) -> tuple[float, float]:
-    """Shares of the blurred frames that are blurred mainly horizontally, and mainly vertically; 0 without any."""
-    from pipeline.condition.verdict import AXES, SHARP
-
-    directions = [row["blur_direction"] for row in rows if row["blur"] not in ("", SHARP)]
-    horizontal, vertical = (directions.count(axis) / max(len(directions), 1) for axis in AXES)
-    return horizontal, vertical
-
-
-def known_median(values: Any) -> float:
-    """Median of the values that are known; NaN where none is."""
-    known = [float(value) for value in values if isfinite(value)]
-    return median(known) if known else float("nan")
 
 
 def _precision(rows: Sequence[dict[str, Any]]) -> list[str]:
@@ -319,7 +174,7 @@ def _without_advice(row: dict[str, Any]) -> str:
 def _worst(rows: Sequence[dict[str, Any]]) -> list[str]:
     if len(rows) < 2:
         return []
-    bad = sum(map(_is_bad, rows))
+    bad = sum(map(is_bad, rows))
     sentences = [f"{bad} of {len(rows)} frames are at least moderately blurred or highly noisy."] if bad else []
     measured = [row for row in rows if row["blur"] or row["noise"] or is_beyond(row)]
     if measured:
@@ -330,11 +185,6 @@ def _worst(rows: Sequence[dict[str, Any]]) -> list[str]:
         first = ("the first " if len(without) > 1 else "") + printable(without[0]["picture"])
         sentences.append(f"Neither blur nor noise could be measured in {len(without)} of {len(rows)} frames: {first}.")
     return sentences
-
-
-def _is_bad(row: dict[str, Any]) -> bool:
-    """Whether a frame is at least moderately blurred, and surely so, or highly noisy."""
-    return (row["blur"] in BAD_BLUR and not row["blur_range"]) or row["noise"] in BAD_NOISE or is_beyond(row)
 
 
 def _partly_blurred(rows: Sequence[dict[str, Any]]) -> list[str]:
@@ -353,10 +203,10 @@ def _unknown(rows: Sequence[dict[str, Any]]) -> list[str]:
     from pipeline.condition.verdict import REASONS
 
     sentences = []
-    for part, key in (("blur", "blur"), ("noise", "noise")):
+    for part in ("blur", "noise"):
         without = [row for row in rows if not row[part]]
         if without:
-            reasons = Counter(reason for row in without for reason in row["abstained"].get(key, {}))
+            reasons = Counter(reason for row in without for reason in row["abstained"].get(part, {}))
             words = ", ".join(REASONS.get(reason, reason) for reason, _ in reasons.most_common(3)) or "no estimate"
             sentences.append(f"{part.capitalize()} is unknown in {len(without)} of {len(rows)} frames ({words}).")
     return sentences

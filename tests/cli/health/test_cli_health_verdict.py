@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from health_makers import frame_row
 
-from pipeline.cli.analysis.verdict import badness, run_verdict
+from pipeline.cli.health.ranking import badness
+from pipeline.cli.health.verdict import run_verdict
 
 
 def test_the_verdict_has_what_is_known_only():
