@@ -97,7 +97,7 @@ def summarise_command(folder: Path, kept: Path | None) -> None:
 
     For a record that was measured before a change of intervals. The provenance names the estimators.
     """
-    from pipeline.cli.results.outputs import refuse_unwritable
+    from pipeline.cli.results.refusals import refuse_unwritable
     from pipeline.recording.blur_statistics import summarise_again
 
     refuse_unwritable(folder, "FOLDER")

@@ -19,7 +19,7 @@ def command(network: str, out: Path) -> None:
     PyTorch; a file whose outputs differ is not written, and one that is there is not replaced. Needs the extra onnx.
     """
     from pipeline.cli.onnx_networks import export
-    from pipeline.cli.results.outputs import refuse_foreign_file, refuse_unwritable
+    from pipeline.cli.results.refusals import refuse_foreign_file, refuse_unwritable
 
     refuse_foreign_file(out, "--out")
     refuse_unwritable(out.parent, "--out")

@@ -122,7 +122,7 @@ def command(**given: Any) -> None:
     from pipeline.cli.health.files import SUFFIXES, HealthFiles
     from pipeline.cli.health.monitor import monitor_of
     from pipeline.cli.health.run import HealthRun
-    from pipeline.cli.results.outputs import OutputFolder
+    from pipeline.cli.results.output_folder import OutputFolder
     from pipeline.executor import one_thread
 
     one_thread()

@@ -60,9 +60,11 @@ def command(
     from pipeline import noise
     from pipeline.cli.frames.pictures import expand, least_side_px, readable, result_stem
     from pipeline.cli.frames.set_aside import SetAside
+    from pipeline.cli.results.growing_files import RowFile
     from pipeline.cli.results.noise_overlay import noise_overlay
     from pipeline.cli.results.numbers import text_number
-    from pipeline.cli.results.outputs import OutputFolder, RowFile, refuse_foreign_file, refuse_input
+    from pipeline.cli.results.output_folder import OutputFolder
+    from pipeline.cli.results.refusals import refuse_foreign_file, refuse_input
     from pipeline.condition import noise_of_frame
     from pipeline.errors import InputError, printable
     from pipeline.noise.base import smallest_patch_px

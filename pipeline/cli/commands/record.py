@@ -10,7 +10,7 @@ from pipeline.cli.options.given_paths import GivenPath
 from pipeline.cli.options.numbers import FiniteRange
 from pipeline.cli.recording.config import source_option, to_option, workers_option
 from pipeline.cli.recording.frame_commands import COMMANDS
-from pipeline.cli.results.outputs import refuse_foreign
+from pipeline.cli.results.refusals import refuse_foreign
 
 
 @click.group("record")

@@ -30,7 +30,7 @@ def command(out: Path, numbers: tuple[int, ...], moment: int, samples: int, seed
     """Render frames with their boxes into the folder OUT."""
     from tqdm import tqdm
 
-    from pipeline.cli.results.outputs import refuse_unwritable
+    from pipeline.cli.results.refusals import refuse_unwritable
     from pipeline.executor import one_thread
     from pipeline.scenes.dataset import Viewpoint, render
     from pipeline.scenes.files import write

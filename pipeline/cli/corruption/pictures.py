@@ -60,7 +60,7 @@ def write_each(
     from pipeline import store
     from pipeline.cli.frames.pictures import result_stem
     from pipeline.cli.frames.set_aside import SetAside
-    from pipeline.cli.results.outputs import OutputFolder, stems_kept
+    from pipeline.cli.results.output_folder import OutputFolder, stems_kept
     from pipeline.errors import InputError, printable
 
     set_aside = SetAside()

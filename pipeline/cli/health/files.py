@@ -10,7 +10,8 @@ from pipeline.cli.analysis.rows import WRITTEN
 from pipeline.cli.frames.pictures import result_stem
 from pipeline.cli.health.page import PageFrames
 from pipeline.cli.health.run import HealthRun
-from pipeline.cli.results.outputs import LineFile, OutputFolder, RowFile
+from pipeline.cli.results.growing_files import LineFile, RowFile
+from pipeline.cli.results.output_folder import OutputFolder
 
 if TYPE_CHECKING:
     import numpy as np

@@ -55,7 +55,7 @@ def recording_config(
         overrides: of ``conf/``.
         out: folder to write; replaced, so nothing but an earlier record may be in it.
         dataset: a name in ``datasets``.
-        results: patterns of the files of a record, see `pipeline.cli.results.outputs.refuse_foreign`.
+        results: patterns of the files of a record, see `pipeline.cli.results.refusals.refuse_foreign`.
         keep: folder of finished frames, or None.
         estimators: names in ``blur.estimators``.
         detector: a name in ``detection.detectors``, or None.
@@ -64,7 +64,7 @@ def recording_config(
         InputError: the folder cannot be written or holds something else, an override is wrong, or a name is not in
             the configuration.
     """
-    from pipeline.cli.results.outputs import refuse_foreign
+    from pipeline.cli.results.refusals import refuse_foreign
     from pipeline.config.compose import compose, parse
     from pipeline.config.references import check_references
     from pipeline.errors import InputError, did_you_mean

@@ -22,7 +22,9 @@ from interrupts import heed_interrupts
 from pipeline.cli import main
 from pipeline.cli.calibration import camera_store
 from pipeline.cli.calibration.camera_store import StoredCamera
-from pipeline.cli.results.outputs import LIST_NAME, OutputError, OutputFolder, RowFile, plain_text, refuse_foreign
+from pipeline.cli.results.growing_files import RowFile, plain_text
+from pipeline.cli.results.output_folder import LIST_NAME, OutputFolder
+from pipeline.cli.results.refusals import OutputError, refuse_foreign
 
 FULL_DISK = Path("/dev/full")
 
