@@ -59,7 +59,8 @@ def command(
     from pipeline.cli.analysis.frame import system_mtf
     from pipeline.cli.analysis.surface import find_surface
     from pipeline.cli.calibration import camera_store
-    from pipeline.cli.frames.pictures import expand, least_side_px, readable
+    from pipeline.cli.frames.given_files import expand
+    from pipeline.cli.frames.pictures import least_side_px, readable
     from pipeline.cli.frames.set_aside import SetAside
     from pipeline.cli.frames.shot_settings import seconds, with_settings
     from pipeline.condition import ConditionMonitor

@@ -91,7 +91,8 @@ def command(
 
     from pipeline import noise
     from pipeline.camera.exposure import Camera
-    from pipeline.cli.frames.pictures import expand, least_side_px, readable
+    from pipeline.cli.frames.given_files import expand
+    from pipeline.cli.frames.pictures import least_side_px, readable
     from pipeline.cli.frames.set_aside import SetAside
     from pipeline.cli.frames.shot_settings import seconds, with_settings
     from pipeline.condition.estimate import noise_of_frame

@@ -68,7 +68,8 @@ def command(
     """
     from pipeline.cli.calibration import camera_store
     from pipeline.cli.calibration.charts import edge_mtf, star_mtf, storable
-    from pipeline.cli.frames.pictures import expand, read
+    from pipeline.cli.frames.given_files import expand
+    from pipeline.cli.frames.pictures import read
     from pipeline.cli.package_version import version
     from pipeline.errors import InputError
     from pipeline.executor import one_thread

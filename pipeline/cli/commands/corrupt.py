@@ -105,7 +105,8 @@ def command(
     from pipeline.camera import mtf
     from pipeline.camera.corruption import CAMERAS, conditioned, corrupt
     from pipeline.cli.corruption.pictures import CorruptedPicture, write_each
-    from pipeline.cli.frames.pictures import expand, readable
+    from pipeline.cli.frames.given_files import expand
+    from pipeline.cli.frames.pictures import readable
     from pipeline.errors import InputError, did_you_mean
     from pipeline.streams import stream
 

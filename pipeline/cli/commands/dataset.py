@@ -78,7 +78,7 @@ def other_formats(root: Path) -> Counter[str]:
     Args:
         root: the folder; see `pipeline.datasets.passed_over.files_below`.
     """
-    from pipeline.cli.frames.pictures import PICTURES, UNREAD
+    from pipeline.cli.frames.formats import PICTURES, UNREAD
     from pipeline.datasets.passed_over import files_below
     from pipeline.datasets.pictures import SUFFIXES
 

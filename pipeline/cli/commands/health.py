@@ -177,7 +177,8 @@ def _analyse(
     from pipeline.cli.analysis.ahead import estimated_ahead
     from pipeline.cli.analysis.frame import series_name
     from pipeline.cli.calibration import camera_store
-    from pipeline.cli.frames.pictures import least_side_px, readable, stream_of
+    from pipeline.cli.frames.names import stream_of
+    from pipeline.cli.frames.pictures import least_side_px, readable
     from pipeline.cli.health.trend_words import without_trend
     from pipeline.errors import InputError
     from pipeline.store import plain_json

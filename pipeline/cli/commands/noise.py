@@ -58,7 +58,9 @@ def command(
     from tqdm import tqdm
 
     from pipeline import noise
-    from pipeline.cli.frames.pictures import expand, least_side_px, readable, result_stem
+    from pipeline.cli.frames.given_files import expand
+    from pipeline.cli.frames.names import result_stem
+    from pipeline.cli.frames.pictures import least_side_px, readable
     from pipeline.cli.frames.set_aside import SetAside
     from pipeline.cli.results.growing_files import RowFile
     from pipeline.cli.results.noise_overlay import noise_overlay

@@ -58,7 +58,7 @@ def write_each(
     from tqdm import tqdm
 
     from pipeline import store
-    from pipeline.cli.frames.pictures import result_stem
+    from pipeline.cli.frames.names import result_stem
     from pipeline.cli.frames.set_aside import SetAside
     from pipeline.cli.results.output_folder import OutputFolder, stems_kept
     from pipeline.errors import InputError, printable

@@ -36,7 +36,7 @@ def run(paths: tuple[Path, ...], out: Path, preset: str, iso: float, shots: int,
     from pipeline.camera.processing.delivered import deliver
     from pipeline.camera.processing.temporal_noise import LEAST_SIDE_PX
     from pipeline.cli.corruption.pictures import CorruptedPicture, write_each
-    from pipeline.cli.frames.pictures import expand
+    from pipeline.cli.frames.given_files import expand
     from pipeline.errors import InputError, printable
     from pipeline.streams import stream
 
@@ -76,8 +76,10 @@ def run(paths: tuple[Path, ...], out: Path, preset: str, iso: float, shots: int,
 
 def _coloured(files: Sequence[Path], every: int, least_px: int) -> Iterator[tuple[str, np.ndarray | None, str]]:
     """Name, picture in [0, 1] with its colours (frames of videos are grey) or None, and the reason for None."""
+    from pipeline.cli.frames.formats import VIDEOS
     from pipeline.cli.frames.picture_file import read_file
-    from pipeline.cli.frames.pictures import VIDEOS, point_out, readable, refuse
+    from pipeline.cli.frames.pictures import readable, refuse
+    from pipeline.cli.frames.remarks import point_out
     from pipeline.errors import InputError
 
     hinted: Counter[int] = Counter()

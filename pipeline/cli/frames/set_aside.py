@@ -26,7 +26,7 @@ class SetAside:
             name: of it.
             error: why it cannot be used.
         """
-        from pipeline.cli.frames.pictures import named
+        from pipeline.cli.frames.names import named
 
         self.names.append(name)
         self.reasons.append(named(name, error))

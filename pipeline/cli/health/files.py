@@ -7,7 +7,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from pipeline.cli.analysis.rows import WRITTEN
-from pipeline.cli.frames.pictures import result_stem
+from pipeline.cli.frames.names import result_stem
 from pipeline.cli.health.page import PageFrames
 from pipeline.cli.health.run import HealthRun
 from pipeline.cli.results.growing_files import LineFile, RowFile

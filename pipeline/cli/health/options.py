@@ -72,14 +72,14 @@ class HealthOptions:
     @cached_property
     def files(self) -> list[Path]:
         """Pictures and videos to measure."""
-        from pipeline.cli.frames.pictures import expand
+        from pipeline.cli.frames.given_files import expand
 
         return expand(self.paths)
 
     @cached_property
     def sharp_files(self) -> list[Path]:
         """Those known to be sharp."""
-        from pipeline.cli.frames.pictures import expand
+        from pipeline.cli.frames.given_files import expand
 
         return expand(self.sharp) if self.sharp else []
 

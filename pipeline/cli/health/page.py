@@ -177,7 +177,7 @@ def _plots(content: dict[str, Any]) -> list[Any]:
 
 def _source_starts(rows: Sequence[dict[str, Any]]) -> list[int]:
     """Frames at which the next video or folder begins; none where there are more than `MOST_SOURCES`."""
-    from pipeline.cli.frames.pictures import stream_of
+    from pipeline.cli.frames.names import stream_of
 
     sources = [stream_of(row["picture"]) or str(Path(row["picture"]).parent) for row in rows]
     starts = [index for index, (last, source) in enumerate(pairwise(sources), 1) if source != last]

@@ -18,7 +18,7 @@ class HealthRun:
         rows: of the finished frames.
         set_aside: one reason per file or frame that could not be used.
         hinted: pictures that seem to hold values of fewer bits in 16, by that number of bits, and under
-            `pipeline.cli.frames.pictures.TURNED` those that metadata turn, under ``TRANSPARENT`` those with transparent
+            `pipeline.cli.frames.remarks.TURNED` those that metadata turn, under ``TRANSPARENT`` those with transparent
             pixels.
         trend_alarms: that began (`pipeline.cli.analysis.frame.FrameAnalysis.trend_alarms`).
         without_precision: why the expected precision is unknown, or empty.

@@ -49,7 +49,7 @@ def run_verdict(
         without_trend: the sentence that states what has no trend and why, or empty.
         set_aside: files or frames that could not be used.
         hinted: pictures that seem to hold values of fewer bits in 16, by that number of bits; under
-            `pipeline.cli.frames.pictures.TURNED`, those that metadata turn, and under ``TRANSPARENT`` those with
+            `pipeline.cli.frames.remarks.TURNED`, those that metadata turn, and under ``TRANSPARENT`` those with
             transparent pixels.
         relative_to: what blur is relative to, in words; empty for the MTF of the whole system.
 
@@ -232,7 +232,7 @@ def _flags(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def _hinted(counts: Mapping[int, int]) -> list[str]:
-    from pipeline.cli.frames.pictures import CURVED, TRANSPARENT, TURNED
+    from pipeline.cli.frames.remarks import CURVED, TRANSPARENT, TURNED
 
     sentences = [
         f"16-bit pictures that look like {bits}-bit values, {1 << 16 - bits} times too dark then: {count} (a guess)."

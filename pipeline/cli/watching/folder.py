@@ -28,9 +28,9 @@ def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]
 
     A file that is written again, or removed and written again under its name, is a new frame: its size or its time of
     modification has changed. So a picture that was read half-written, or empty, is read again when it is whole.
-    Pictures of the same time come in `pipeline.cli.frames.pictures.natural_order`. Files of formats that are not read
-    (`pipeline.cli.frames.pictures.UNREAD`), videos, and files that stay empty come as problems; so does, once, a folder
-    with folders and no picture in it.
+    Pictures of the same time come in `pipeline.cli.frames.given_files.natural_order`. Files of formats that are not
+    read (`pipeline.cli.frames.formats.UNREAD`), videos, and files that stay empty come as problems; so does, once, a
+    folder with folders and no picture in it.
 
     Every look lists the names, so that a new file is noticed at once. Files that were read more than `KEPT_IN_VIEW_S`
     ago are looked at again, all of them together, as often as a twentieth of a core allows (`LEAST_REST`): at every
@@ -42,7 +42,8 @@ def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]
             disappears (a disk or share that is gone), that is reported once, and it is watched again when it is back.
         stop: ends it.
     """
-    from pipeline.cli.frames.pictures import PICTURES, UNREAD, VIDEOS, natural_order
+    from pipeline.cli.frames.formats import PICTURES, UNREAD, VIDEOS
+    from pipeline.cli.frames.given_files import natural_order
 
     formats = tuple(PICTURES | UNREAD | VIDEOS)
     hinted: Counter[int] = Counter()
@@ -102,7 +103,7 @@ def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]
 
 def _not_watched(folder: Path, entries: Sequence[os.DirEntry[str]]) -> str:
     """That folders inside of a folder without pictures are not watched, with the first of them; else empty."""
-    from pipeline.cli.frames.pictures import shown_folders
+    from pipeline.cli.frames.given_files import shown_folders
 
     inside = shown_folders(entries)
     hint = "no pictures yet; sub-folders are not watched: give one as SOURCE, as"
@@ -111,7 +112,8 @@ def _not_watched(folder: Path, entries: Sequence[os.DirEntry[str]]) -> str:
 
 def _picture(file: Path, hinted: Counter[int]) -> SourceFrame:
     """A picture of any size (`watch` knows how large pictures must be), or why the file cannot be used."""
-    from pipeline.cli.frames.pictures import VIDEOS, read
+    from pipeline.cli.frames.formats import VIDEOS
+    from pipeline.cli.frames.pictures import read
 
     if file.suffix.lower() in VIDEOS:
         reason = "a video; of a folder only pictures are watched: give the video as SOURCE, or to camera-monitor health"

@@ -101,7 +101,7 @@ class NewestFrame(threading.Thread):
 
     def _remark(self, kind: str, words: str) -> None:
         """Warn of what is unusual about the stream, once of each kind."""
-        from pipeline.cli.frames.pictures import video_remarks
+        from pipeline.cli.frames.remarks import video_remarks
 
         if kind not in self._stated:
             self._stated.add(kind)

@@ -33,7 +33,7 @@ def played_video(path: Path, rate: float, stop: threading.Event) -> Iterator[Sou
         rate: most frames per second.
         stop: ends it.
     """
-    from pipeline.cli.frames.pictures import video_remarks
+    from pipeline.cli.frames.remarks import video_remarks
     from pipeline.datasets.video import read_video
 
     pace = _Pace(rate)

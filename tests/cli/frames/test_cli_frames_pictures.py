@@ -19,8 +19,10 @@ from heif_makers import heic
 from PIL import Image, features
 
 from pipeline.cli import main
+from pipeline.cli.frames.given_files import expand, natural_order
 from pipeline.cli.frames.picture_file import coding_of_picture
-from pipeline.cli.frames.pictures import TURNED, expand, natural_order, read, readable, refuse
+from pipeline.cli.frames.pictures import read, readable, refuse
+from pipeline.cli.frames.remarks import TURNED
 from pipeline.cli.frames.shot_settings import exif
 from pipeline.cli.options.video_codec import NAMED
 from pipeline.cli.watching.folder import filling_folder
