@@ -232,8 +232,8 @@ def largest_difference(expected: list[NDArray[np.float32]], result: list[NDArray
     import numpy as np
 
     largest = 0.0
-    for one, other in zip(expected, result, strict=True):
-        part = float(np.abs(one - other).max() / max(1.0, float(np.abs(one).max())))
+    for wanted, value in zip(expected, result, strict=True):
+        part = float(np.abs(wanted - value).max() / max(1.0, float(np.abs(wanted).max())))
         largest = max(largest, part if np.isfinite(part) else np.inf)
     return largest
 

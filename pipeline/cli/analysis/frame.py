@@ -67,8 +67,8 @@ class Settings:
         exposure_s, iso = shot_settings(path, self.exposure, self.iso)
         if exposure_s is not None and iso is not None:
             return (exposure_s, iso), ""
-        one = (exposure_s is None) != (iso is None)
-        return None, f"give --{'exposure' if exposure_s is None else 'iso'} too" if one else ""
+        half_known = (exposure_s is None) != (iso is None)
+        return None, f"give --{'exposure' if exposure_s is None else 'iso'} too" if half_known else ""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from pipeline.cli.options.given_paths import GivenPath
-from pipeline.cli.recording import config as shared
+from pipeline.cli.recording import options
 
 _PER_FRAME = re.compile(r"[+~]*(blur\.estimators\.[^.=]+\.per_frame)(=.*)?", re.DOTALL)
 
@@ -19,16 +19,16 @@ def command() -> None:
     """Measure blur estimators on pictures of one's own; ``camera-monitor health`` asks one of them."""
 
 
-@command.command("record", epilog=shared.IN_CHECKOUT)
-@shared.overrides_argument
-@shared.dataset_option
+@command.command("record", epilog=options.IN_CHECKOUT)
+@options.overrides_argument
+@options.dataset_option
 @click.option(
     "--estimator",
     "estimators",
     multiple=True,
     help="name of an estimator of the configuration; may be repeated, by default all",
 )
-@shared.to_option
+@options.to_option
 @click.option("--join", is_flag=True, help="keep what the folder has of other estimators, measured on the same")
 @click.option("--frames", "frame_count", type=click.IntRange(min=2), help="of the frames with patches, this many only")
 @click.option(
@@ -37,9 +37,9 @@ def command() -> None:
     type=click.IntRange(min=1),
     help="of each frame, this many only; per_frame in conf/ is for the stages",
 )
-@shared.keep_option
-@shared.source_option
-@shared.workers_option
+@options.keep_option
+@options.source_option
+@options.workers_option
 def record_command(
     overrides: tuple[str, ...],
     dataset: str,
@@ -58,12 +58,13 @@ def record_command(
     psf=paper psf.folder=/path blur.patches_per_frame=4; PMP and GBB as the paper ran them:
     +estimator/blur@blur.estimators.gbb_exact=gbb_exact
     """
+    from pipeline.cli.recording.config import recording_config
     from pipeline.recording.blur import RESULTS, record
     from pipeline.recording.frames import Request
     from pipeline.recording.kept_results import keeping
 
     _refuse_per_frame(overrides)
-    config = shared.recording_config(overrides, out, dataset, RESULTS, keep, estimators=estimators)
+    config = recording_config(overrides, out, dataset, RESULTS, keep, estimators=estimators)
     metrics = record(
         Request(config, dataset, out, source, keeping(keep, workers)),
         list(dict.fromkeys(estimators)) or list(config.blur.estimators),
@@ -71,9 +72,9 @@ def record_command(
         frame_count=frame_count,
         patches_per_frame=patches_per_frame,
     )
-    for name, ways in metrics.items():
-        means = ", ".join(f"{way} {numbers['mean_amae_percent']:.2f} %" for way, numbers in sorted(ways.items()))
-        click.echo(f"{name}: mean AMAE {means}")
+    for name, variants in metrics.items():
+        numbers = [f"{variant} {row['mean_amae_percent']:.2f} %" for variant, row in sorted(variants.items())]
+        click.echo(f"{name}: mean AMAE {', '.join(numbers)}")
     click.echo(f"written to {out}")
 
 

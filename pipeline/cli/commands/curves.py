@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from pipeline.cli.options.given_paths import GivenPath
-from pipeline.cli.recording import config as shared
+from pipeline.cli.recording import options
 
 
 @click.group("curves")
@@ -51,14 +51,14 @@ def query(surface: Path, sigma_dn: tuple[float, ...], mtf: tuple[float, ...]) ->
         raise InputError("\n".join(refused))
 
 
-@command.command("record", epilog=shared.IN_CHECKOUT)
-@shared.overrides_argument
-@shared.dataset_option
+@command.command("record", epilog=options.IN_CHECKOUT)
+@options.overrides_argument
+@options.dataset_option
 @click.option("--detector", required=True, help="name of the detector, likewise")
-@shared.to_option
-@shared.keep_option
-@shared.source_option
-@shared.workers_option
+@options.to_option
+@options.keep_option
+@options.source_option
+@options.workers_option
 def record_command(
     overrides: tuple[str, ...], dataset: str, detector: str, out: Path, keep: Path | None, source: str, workers: int
 ) -> None:
@@ -67,10 +67,11 @@ def record_command(
     OVERRIDES are of conf/, as for ``dvc exp run -S``: +dataset@datasets.kitti=kitti datasets.kitti.root=/path
     +detector@detection.detectors.yolox=yolox detection.sweep.angles_deg=[0]
     """
+    from pipeline.cli.recording.config import recording_config
     from pipeline.recording.detection import RESULTS, record
     from pipeline.recording.kept_results import keeping
 
-    config = shared.recording_config(overrides, out, dataset, RESULTS, keep, detector=detector)
+    config = recording_config(overrides, out, dataset, RESULTS, keep, detector=detector)
     numbers = record(config, dataset, detector, out, source, keeping(keep, workers))
     for label, item in numbers.items():
         clean = item.get("clean_ap_percent")

@@ -8,8 +8,8 @@ import click
 
 from pipeline.cli.options.given_paths import GivenPath
 from pipeline.cli.options.numbers import FiniteRange
-from pipeline.cli.recording.config import source_option, to_option, workers_option
 from pipeline.cli.recording.frame_commands import COMMANDS
+from pipeline.cli.recording.options import source_option, to_option, workers_option
 from pipeline.cli.results.refusals import refuse_foreign
 
 
@@ -140,5 +140,5 @@ def examples_command(real: Path, mean: Path, frames: tuple[Path, ...], source: s
     click.echo(f"written to {out}")
 
 
-for one in COMMANDS:
-    command.add_command(one)
+for experiment in COMMANDS:
+    command.add_command(experiment)

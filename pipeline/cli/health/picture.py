@@ -117,11 +117,11 @@ def _numbers_pt(axes: Axes, rows: int, columns: int) -> float:
 
 
 def _curves(axes: Axes, condition: Condition) -> None:
-    for index, way in enumerate(("horizontal", "vertical")):
+    for index, direction in enumerate(("horizontal", "vertical")):
         look = style.series_look("HV"[index], index)
         low, high = condition.mtf.low[index], condition.mtf.high[index]
         axes.fill_between(FREQUENCIES, low, high, color=look["color"], alpha=0.15, linewidth=0)
-        axes.plot(FREQUENCIES, condition.mtf.value[index], label=way, **look)
+        axes.plot(FREQUENCIES, condition.mtf.value[index], label=direction, **look)
     axes.axhline(0.5, color=style.MUTED, linewidth=0.5)
     axes.set(xlim=(0, 0.62), ylim=(0, 1.03), xlabel="frequency [Nyquist]", title="MTF of the frame, 95 % interval")
     axes.legend(loc="lower left")

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pipeline.cli.recording import config as shared
+from pipeline.cli.recording import options
 
 if TYPE_CHECKING:
     from pipeline.recording.frames import Request
 
 OPTIONS = (
-    shared.overrides_argument, shared.dataset_option, shared.to_option, shared.source_option, shared.keep_option,
-    shared.workers_option,
+    options.overrides_argument, options.dataset_option, options.to_option, options.source_option, options.keep_option,
+    options.workers_option,
 )  # fmt: skip
 
 
@@ -25,7 +25,7 @@ def recording(name: str) -> Callable[[Callable[..., None]], click.Command]:
     def decorated(function: Callable[..., None]) -> click.Command:
         for option in reversed(OPTIONS):
             function = option(function)
-        return click.command(name, epilog=shared.IN_CHECKOUT)(function)
+        return click.command(name, epilog=options.IN_CHECKOUT)(function)
 
     return decorated
 
@@ -53,10 +53,11 @@ def request(
     Raises:
         InputError: the dataset is not in the configuration, or the folder holds something else.
     """
+    from pipeline.cli.recording.config import recording_config
     from pipeline.recording.frames import COMMON_FILES, Request
     from pipeline.recording.kept_results import keeping
 
-    config = shared.recording_config(overrides, out, dataset, (*COMMON_FILES, *tables), keep)
+    config = recording_config(overrides, out, dataset, (*COMMON_FILES, *tables), keep)
     return Request(config, dataset, out, source, keeping(keep, workers))
 
 
