@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -12,10 +14,20 @@ from pipeline.cli.options.frame_samples import tiles_option
 from pipeline.cli.options.given_paths import GivenPath
 from pipeline.cli.options.video_codec import codec_option
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from pipeline.condition.estimate import NoiseState
+
 COLUMNS = (
     "picture", "x_px", "y_px", "size_px", "sigma_dn", "sigma_at_most_dn", "abstained", "reason", "frame_sigma_dn",
     "white_sigma_dn", "noise_correlation", "frame_white_sigma_dn", "frame_noise_correlation",
 )  # fmt: skip
+HEADER = (
+    f"{'sigma DN':>9} {'at most':>7} {'min':>7} {'max':>7} {'tiles':>6} {'abstained':>9} {'white':>6} {'corr.':>6}"
+    "  picture"
+)
 
 
 @click.command("noise")
@@ -54,7 +66,6 @@ def command(
     mostly grain that looks like noise. Behind a codec it has a bound. The same estimator as ``camera-monitor health``
     unless another is named.
     """
-    import numpy as np
     from tqdm import tqdm
 
     from pipeline import noise
@@ -63,8 +74,6 @@ def command(
     from pipeline.cli.frames.pictures import least_side_px, readable
     from pipeline.cli.frames.set_aside import SetAside
     from pipeline.cli.results.growing_files import RowFile
-    from pipeline.cli.results.noise_overlay import noise_overlay
-    from pipeline.cli.results.numbers import text_number
     from pipeline.cli.results.output_folder import OutputFolder
     from pipeline.cli.results.refusals import refuse_foreign_file, refuse_input
     from pipeline.condition import noise_of_frame
@@ -86,8 +95,7 @@ def command(
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(OutputFolder(maps, "noise", "--map", files)) if maps is not None else None
         rows = stack.enter_context(RowFile(table, COLUMNS)) if table is not None else None
-        header = f"{'sigma DN':>9} {'at most':>7} {'min':>7} {'max':>7} {'tiles':>6} {'abstained':>9}"
-        click.echo(f"{header} {'white':>6} {'corr.':>6}  picture")
+        click.echo(HEADER)
         frames = readable(files, every, least_px=least_side_px(method))
         for name, image, problem, coding in tqdm(frames, delay=2, leave=False, unit=" frames"):
             try:
@@ -100,34 +108,54 @@ def command(
             except InputError as error:
                 set_aside.add(name, error)
                 continue
-            whole, estimate, squares = state.summary, state.estimate, state.patches
-            level, bound, least, most, white, correlation = (
-                text_number(float(value), 2)
-                for value in (
-                    whole.value, state.at_most_dn, whole.least, whole.greatest, state.white_sigma_dn, state.correlation,
-                )
-            )  # fmt: skip
-            numbers = f"{level:>9} {bound:>7} {least:>7} {most:>7} {len(squares):6d} {whole.abstained:9d}"
-            numbers += f" {white:>6} {correlation:>6}"
-            click.echo(f"{numbers}  {printable(name)}")
-            unknown = np.full(len(squares), np.nan)
-            bounds, whites, correlations = (
-                unknown if values is None else values
-                for values in (estimate.at_most_dn, estimate.white_sigma_dn, estimate.correlation)
-            )
+            click.echo(f"{_numbers(state)}  {printable(name)}")
             with held():  # all rows and the map of a frame, or none
-                for square, sigma, most_dn, reason, *parts in zip(
-                    squares, estimate.sigma_dn, bounds, estimate.reason, whites, correlations, strict=True
-                ):
-                    values = (
-                        name, square.x_px, square.y_px, square.size_px, f"{sigma:.4f}", f"{most_dn:.4f}", bool(reason),
-                        str(reason), f"{whole.value:.4f}",
-                        *(f"{value:.4f}" for value in (*parts, state.white_sigma_dn, state.correlation)),
-                    )  # fmt: skip
-                    if rows is not None:
-                        rows.write(dict(zip(COLUMNS, values, strict=True)))
+                if rows is not None:
+                    for row in _tile_rows(name, state):
+                        rows.write(row)
                 if folder is not None:
-                    shown = unknown if np.isnan(whole.value) else estimate.sigma_dn
-                    drawn = noise_overlay(image, squares, shown)
-                    write_image(folder.claim(result_stem(name), ".noise.png"), drawn)
+                    write_image(folder.claim(result_stem(name), ".noise.png"), _map(image, state))
     set_aside.refuse()
+
+
+def _numbers(state: NoiseState) -> str:
+    """The noise of a frame as text under `HEADER`."""
+    from pipeline.cli.results.numbers import text_number
+
+    whole = state.summary
+    values = (whole.value, state.at_most_dn, whole.least, whole.greatest, state.white_sigma_dn, state.correlation)
+    level, bound, least, most, white, correlation = (text_number(float(value), 2) for value in values)
+    tiles = f"{len(state.patches):6d} {whole.abstained:9d}"
+    return f"{level:>9} {bound:>7} {least:>7} {most:>7} {tiles} {white:>6} {correlation:>6}"
+
+
+def _tile_rows(name: str, state: NoiseState) -> Iterator[dict[str, Any]]:
+    """A row of `COLUMNS` for every tile of a frame."""
+    import numpy as np
+
+    estimate = state.estimate
+    unknown = np.full(len(state.patches), np.nan)
+    bounds, whites, correlations = (
+        unknown if values is None else values
+        for values in (estimate.at_most_dn, estimate.white_sigma_dn, estimate.correlation)
+    )
+    for tile, sigma, most_dn, reason, *parts in zip(
+        state.patches, estimate.sigma_dn, bounds, estimate.reason, whites, correlations, strict=True
+    ):
+        values = (
+            name, tile.x_px, tile.y_px, tile.size_px, f"{sigma:.4f}", f"{most_dn:.4f}", bool(reason), str(reason),
+            f"{state.summary.value:.4f}",
+            *(f"{value:.4f}" for value in (*parts, state.white_sigma_dn, state.correlation)),
+        )  # fmt: skip
+        yield dict(zip(COLUMNS, values, strict=True))
+
+
+def _map(image: NDArray[np.float32], state: NoiseState) -> NDArray[np.uint8]:
+    """A frame with the noise of its tiles drawn in; without numbers where the frame has none."""
+    import numpy as np
+
+    from pipeline.cli.results.noise_overlay import noise_overlay
+
+    without_level = np.isnan(state.summary.value)
+    sigma_dn = np.full(len(state.patches), np.nan) if without_level else state.estimate.sigma_dn
+    return noise_overlay(image, state.patches, sigma_dn)
