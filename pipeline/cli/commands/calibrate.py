@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -12,11 +12,6 @@ from pipeline.cli.options.given_paths import GivenPath
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
-
-    from pipeline.cli.calibration.camera_store import StoredCamera
-
-MOST_EMPTY_FRACTION = 0.5  # of the 16 values of an MTF that may lie at or below the estimators' floor
-MOST_EMPTY_FRACTION_FIT = 0.25  # likewise where the pictures are blurred further, to correct the estimator
 
 
 class _Area(click.ParamType):
@@ -68,6 +63,8 @@ def command(
     """
     from pipeline.cli.calibration import camera_store
     from pipeline.cli.calibration.charts import edge_mtf, star_mtf, storable
+    from pipeline.cli.calibration.contrast import MOST_EMPTY_FRACTION, refuse_without_contrast
+    from pipeline.cli.calibration.sharp_scenes import from_scenes
     from pipeline.cli.frames.given_files import expand
     from pipeline.cli.frames.pictures import read
     from pipeline.cli.package_version import version
@@ -86,10 +83,10 @@ def command(
     if chart is None:
         _refuse_other_sizes(frames)
         measured = None
-        stored = _from_scenes(name, frames, blur_name, calibrate_estimator)
+        stored = from_scenes(name, frames, blur_name, calibrate_estimator)
     else:
         measured = edge_mtf(frames, areas) if rays is None else star_mtf(frames, rays)
-        _refuse_without_contrast(measured, f"the {chart} chart", "focus the camera on it", MOST_EMPTY_FRACTION)
+        refuse_without_contrast(measured, f"the {chart} chart", "focus the camera on it", MOST_EMPTY_FRACTION)
         stored = camera_store.StoredCamera(
             name=name, kind=f"{chart} chart", blur_estimator=blur_name, weights_sha256={}, size_px=None,
             frames=len(frames), sharp_mtf=storable(measured).tolist(), fit=None, version=version(),
@@ -125,115 +122,3 @@ def _print_mtf(mtf: list[list[float]]) -> None:
     click.echo(f"{'Nyquist':10} {' '.join(f'{frequency:5.2f}' for frequency in FREQUENCIES)}")
     for direction, curve in zip(DIRECTIONS, mtf, strict=True):
         click.echo(f"{direction:10} {' '.join(f'{value:5.2f}' for value in curve)}")
-
-
-def _from_scenes(
-    camera: str, frames: list[tuple[str, NDArray[np.float32]]], blur_name: str, calibrate_estimator: bool
-) -> StoredCamera:
-    """The MTF that the estimator reports of sharp frames, or its calibration; warns of frames that give no estimate."""
-    import numpy as np
-
-    from pipeline import blur
-    from pipeline.answers import asked
-    from pipeline.blur.base import Estimator
-    from pipeline.blur.camera_calibration import Calibration, CameraFittable, calibrate
-    from pipeline.cli.calibration.camera_store import StoredCamera
-    from pipeline.cli.calibration.charts import LEAST_MTF
-    from pipeline.cli.package_version import version
-    from pipeline.condition.estimate import readable_patches
-    from pipeline.errors import InputError, printable
-    from pipeline.recording.provenance import blur_weights
-
-    estimator = blur.create(blur_name)
-    if not calibrate_estimator and (not isinstance(estimator, Estimator) or isinstance(estimator, CameraFittable)):
-        raise InputError(f"--blur {blur_name}: its calibration cannot be stored; choose spectral, pmp or gbb")
-    hashes = blur_weights(blur_name)
-    names, cuts, mtfs = [], [], []
-    for (name, _), part in zip(frames, readable_patches([image for _, image in frames]), strict=True):
-        mtf = asked(f"blur estimator '{blur_name}'", estimator.estimate, part, "mtf").mtf
-        answered = mtf[np.isfinite(mtf).all(axis=(1, 2))]
-        if not len(answered):
-            click.echo(
-                f"warning: {printable(name)}: no patch can be measured (only shading and noise, saturated or covered); "
-                "left out",
-                err=True,
-            )
-            continue
-        names.append(name)
-        cuts.append(part)
-        mtfs.append(answered)
-    if not names:
-        raise InputError("sharp pictures: no patch can be measured; give sharp pictures with structure")
-    patches = np.concatenate(cuts)
-    unsharp = _check_sharpness(names, mtfs, MOST_EMPTY_FRACTION_FIT if calibrate_estimator else MOST_EMPTY_FRACTION)
-    fit = sharp_mtf = None
-    if calibrate_estimator:
-        fitted = calibrate(estimator, patches)
-        if not isinstance(fitted, Calibration):
-            raise InputError(
-                f"--calibrate-estimator: the calibration of {blur_name} cannot be stored; leave the option out"
-            )
-        fit = fitted.content()
-    else:
-        assert isinstance(estimator, Estimator)
-        divisor = estimator.divided(patches).sharp_mtf
-        assert divisor is not None
-        sharp_mtf = np.maximum(divisor, LEAST_MTF).tolist()
-    height_px, width_px = frames[0][1].shape
-    return StoredCamera(
-        name=camera, kind="fit" if fit else "sharp frames", blur_estimator=blur_name, weights_sha256=hashes,
-        size_px=(height_px, width_px), frames=len(names), sharp_mtf=sharp_mtf, fit=fit, version=version(),
-        unsharp=unsharp,
-    )  # fmt: skip
-
-
-def _check_sharpness(names: list[str], mtfs: list[NDArray[Any]], most_empty_fraction: float) -> int:
-    """Warn of pictures whose contrast falls to half too early; refuse them where too little contrast is left.
-
-    Args:
-        names: of the pictures.
-        mtfs: (N, 2, 8) of the patches of each that the estimator answered, at least one.
-        most_empty_fraction: see `_refuse_without_contrast`.
-
-    Returns:
-        how many pictures it warned of.
-
-    Raises:
-        InputError: see `_refuse_without_contrast`.
-    """
-    import numpy as np
-
-    from pipeline.condition.summary import unsharp
-
-    advice = "give pictures known to be sharp" + (
-        ", or leave --calibrate-estimator out" if most_empty_fraction < MOST_EMPTY_FRACTION else ""
-    )
-    _refuse_without_contrast(np.median(np.concatenate(mtfs), axis=0), "the sharp pictures", advice, most_empty_fraction)
-    doubts = [unsharp(np.median(mtf, axis=0)) for mtf in mtfs]
-    for name, doubt in zip(names, doubts, strict=True):
-        if doubt:
-            click.echo(f"warning: {name} {doubt}; leave it out, or take it anew", err=True)
-    return sum(map(bool, doubts))
-
-
-def _refuse_without_contrast(mtf: NDArray[np.floating], subject: str, advice: str, most_empty_fraction: float) -> None:
-    """Raises InputError for an MTF that estimates cannot be divided by.
-
-    Args:
-        mtf: (2, 8) at `pipeline.camera.mtf.FREQUENCIES`.
-        subject: what it is of.
-        advice: what else to give.
-        most_empty_fraction: of the values that may lie at or below `pipeline.blur.base.SHARP_FLOOR`, beside those
-            of the lowest frequency, which never may.
-    """
-    import numpy as np
-
-    from pipeline.blur.base import SHARP_FLOOR
-    from pipeline.errors import InputError
-
-    empty = np.asarray(mtf) <= SHARP_FLOOR
-    if empty.mean() > most_empty_fraction or empty[:, 0].any():
-        raise InputError(
-            f"{subject}: no contrast is left (MTF at most {SHARP_FLOOR:g}) at {empty.sum()} of {empty.size} values, so "
-            f"that blur relative to them means nothing; {advice}"
-        )

@@ -22,7 +22,7 @@ from pipeline.camera.slanted_edge import measure
 from pipeline.camera.star_centre import point_of_symmetry
 from pipeline.cli import main
 from pipeline.cli.calibration import camera_store
-from pipeline.cli.commands.calibrate import _refuse_without_contrast
+from pipeline.cli.calibration.contrast import refuse_without_contrast
 from pipeline.condition import ConditionMonitor
 from pipeline.condition.estimate import readable_patches
 from pipeline.errors import InputError
@@ -268,11 +268,11 @@ def test_the_lowest_frequency_needs_contrast_on_both_axes():
     for axis in (0, 1):
         mtf = np.full((2, 8), 0.5)
         mtf[axis, 1:] = 0.0
-        _refuse_without_contrast(mtf, "a chart", "focus", 0.5)
+        refuse_without_contrast(mtf, "a chart", "focus", 0.5)
         mtf[:] = 0.5
         mtf[axis, 0] = 0.0
         with pytest.raises(InputError, match="a chart: no contrast is left .* at 1 of 16 values"):
-            _refuse_without_contrast(mtf, "a chart", "focus", 0.5)
+            refuse_without_contrast(mtf, "a chart", "focus", 0.5)
 
 
 def test_frequencies_without_contrast_take_the_relative_mtf_of_the_next_lower():
