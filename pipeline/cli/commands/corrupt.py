@@ -104,6 +104,7 @@ def command(
 
     from pipeline.camera import mtf
     from pipeline.camera.corruption import CAMERAS, conditioned, corrupt
+    from pipeline.cli.corruption.kernel import blur_kernel
     from pipeline.cli.corruption.pictures import CorruptedPicture, write_each
     from pipeline.cli.frames.given_files import expand
     from pipeline.cli.frames.pictures import readable
@@ -113,7 +114,7 @@ def command(
     _, effects = conditioned(noise_source)
     if camera not in CAMERAS:
         raise InputError(f"--camera {camera}: unknown; {did_you_mean(camera, CAMERAS)}")
-    psf = _kernel(blur, size_px, mtf50, angle_deg, seed, "physical" if camera == "physical" else "authors")
+    psf = blur_kernel(blur, size_px, mtf50, angle_deg, seed, "physical" if camera == "physical" else "authors")
     idle = psf is not None and float(psf.max()) > 1 - HALF_LEVEL
     if idle and size_px is not None:
         click.echo(f"warning: --blur {blur} --size-px {size_px:g} blurs nothing: it changes no 8-bit value", err=True)
@@ -158,47 +159,3 @@ def _check_options(context: click.Context, preset: str | None) -> None:
             option = f"--{name.replace('_', '-')}"
             clash = "needs --pipeline NAME" if preset is None else f"is not combined with --pipeline {preset}"
             raise InputError(f"{option}: {clash}")
-
-
-def _kernel(
-    blur: str | None, size_px: float | None, mtf50: float | None, angle_deg: float, seed: int, program: str
-) -> NDArray[np.floating] | None:
-    """The kernel asked for, or None; of ``program`` see `pipeline.camera.psf.create`.
-
-    Raises:
-        InputError: a size without a kind, neither or both of size and MTF50, or a disc that the program cannot draw.
-    """
-    from pipeline.camera.corruption import psf_for_mtf50
-    from pipeline.camera.psf import create, kinds
-    from pipeline.errors import InputError, did_you_mean
-    from pipeline.streams import stream
-
-    if blur is None:
-        if size_px is not None or mtf50 is not None:
-            raise InputError("--size-px and --mtf50 need --blur KIND")
-        return None
-    if blur not in kinds():
-        raise InputError(f"--blur {blur}: unknown; {did_you_mean(blur, kinds())}")
-    if mtf50 is not None and blur == "nonlinear_motion":
-        raise InputError("--blur nonlinear_motion --mtf50: its path is drawn at random, give --size-px instead")
-    if program == "authors" and blur == "defocus" and mtf50 is not None:
-        raise InputError(
-            "--blur defocus --mtf50: the discs of the authors' program have odd whole diameters only, which meet no "
-            "given MTF50; give --size-px, or --camera physical"
-        )
-    if mtf50 is not None and size_px is None:
-        try:
-            return psf_for_mtf50(blur, mtf50, angle_deg=angle_deg)[1]
-        except InputError as error:
-            raise InputError(f"--blur {blur} --mtf50 {mtf50:g}: {error}") from None
-    if size_px is None or mtf50 is not None:
-        raise InputError(f"--blur {blur} needs either --size-px or --mtf50")
-    try:
-        return create(blur, size_px, angle_deg, stream(seed, "psf", blur, float(size_px)), camera=program)
-    except InputError as error:
-        if (program, blur) != ("authors", "defocus"):
-            raise
-        raise InputError(
-            f"--blur {blur} --size-px {size_px:g}: the authors' program draws discs on 33 x 33 px, up to a size below "
-            "30; give less, or --camera physical"
-        ) from error
