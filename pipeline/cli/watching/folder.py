@@ -7,7 +7,7 @@ import stat
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
 from pipeline.cli.watching.source_frame import SourceFrame
@@ -42,17 +42,9 @@ def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]
             disappears (a disk or share that is gone), that is reported once, and it is watched again when it is back.
         stop: ends it.
     """
-    from pipeline.cli.frames.formats import PICTURES, UNREAD, VIDEOS
-    from pipeline.cli.frames.given_files import natural_order
-
-    formats = tuple(PICTURES | UNREAD | VIDEOS)
-    hinted: Counter[int] = Counter()
-    waiting: dict[str, _Waiting] = {}
-    done: dict[str, tuple[int, int]] = {}
-    in_view: dict[str, float] = {}  # names of `done`, and until when they are looked at every time
-    all_due_s, lost, folders_named = 0.0, False, False
+    hinted, view = Counter[int](), _View(folder)
+    lost, folders_named = False, False
     while not stop.is_set():
-        ready: list[tuple[int, str]] = []
         try:
             with os.scandir(folder) as listing:
                 entries = list(listing)
@@ -63,42 +55,84 @@ def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]
             stop.wait(POLL_S)
             continue
         lost = False
-        now_s, began_s = time.monotonic(), time.thread_time()
-        listed, every_one = {entry.name for entry in entries}, now_s >= all_due_s
-        for known in (waiting, done, in_view):
-            for name in known.keys() - listed:
-                del known[name]
-        in_view = {name: until_s for name, until_s in in_view.items() if until_s > now_s}
-        for entry in entries:
-            name = entry.name
-            is_old = name in done and name not in in_view
-            if is_old and not every_one:
-                continue
-            if name[0] == "." or not name.lower().endswith(formats):
-                continue
-            status = _status(entry if is_old else folder / name)  # of many, without making a path
-            if status is None or _version(status) == done.get(name):
-                continue
-            if waiting.setdefault(name, _Waiting()).settled(status):
-                ready.append((status.st_mtime_ns, name))
-            elif name in done:
-                in_view[name] = now_s + KEPT_IN_VIEW_S
-        if every_one:
-            all_due_s = time.monotonic() + LEAST_REST * (time.thread_time() - began_s)
-        for _, name in sorted(ready, key=lambda item: (item[0], natural_order(item[1]))):
+        ready = view.ready(entries)
+        for name in ready:
             if stop.is_set():
                 return
-            status = _status(folder / name)  # as it is read: earlier frames may have taken long
-            if status is not None:
-                done[name] = _version(status)
-                in_view[name] = time.monotonic() + KEPT_IN_VIEW_S
-            waiting.pop(name)
+            view.mark_read(name)
             yield _picture(folder / name, hinted)
         if not ready:
-            problem = "" if folders_named or waiting or done else _not_watched(folder, entries)
+            problem = "" if folders_named or view.has_files else _not_watched(folder, entries)
             folders_named = folders_named or bool(problem)
             yield SourceFrame(str(folder), None, problem)
         stop.wait(POLL_S)
+
+
+class _View:
+    """What is known of the files of a folder, from look to look.
+
+    Args:
+        folder: watched.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        from pipeline.cli.frames.formats import PICTURES, UNREAD, VIDEOS
+
+        self._folder, self._formats = folder, tuple(PICTURES | UNREAD | VIDEOS)
+        self._waiting: dict[str, _Waiting] = {}
+        self._done: dict[str, tuple[int, int]] = {}
+        self._in_view: dict[str, float] = {}  # names of `_done`, and until when they are looked at every time
+        self._all_due_s = 0.0
+
+    @property
+    def has_files(self) -> bool:
+        """Whether a file was read or waits."""
+        return bool(self._waiting or self._done)
+
+    def ready(self, entries: Sequence[os.DirEntry[str]]) -> list[str]:
+        """Names of the files that are to be read now, in the order in which they came.
+
+        Args:
+            entries: of the folder, at this look.
+        """
+        from pipeline.cli.frames.given_files import natural_order
+
+        now_s, began_s = time.monotonic(), time.thread_time()
+        every_one = now_s >= self._all_due_s
+        self._forget({entry.name for entry in entries}, now_s)
+        ready: list[tuple[int, str]] = []
+        for entry in entries:
+            name = entry.name
+            is_old = name in self._done and name not in self._in_view
+            if is_old and not every_one:
+                continue
+            if name[0] == "." or not name.lower().endswith(self._formats):
+                continue
+            status = _status(entry if is_old else self._folder / name)  # of many, without making a path
+            if status is None or _version(status) == self._done.get(name):
+                continue
+            if self._waiting.setdefault(name, _Waiting()).settled(status):
+                ready.append((status.st_mtime_ns, name))
+            elif name in self._done:
+                self._in_view[name] = now_s + KEPT_IN_VIEW_S
+        if every_one:
+            self._all_due_s = time.monotonic() + LEAST_REST * (time.thread_time() - began_s)
+        return [name for _, name in sorted(ready, key=lambda item: (item[0], natural_order(item[1])))]
+
+    def _forget(self, listed: Collection[str], now_s: float) -> None:
+        """Forget files that are gone, and the time of those that need not be looked at every time any more."""
+        for known in (self._waiting, self._done, self._in_view):
+            for name in known.keys() - listed:
+                del known[name]
+        self._in_view = {name: until_s for name, until_s in self._in_view.items() if until_s > now_s}
+
+    def mark_read(self, name: str) -> None:
+        """Note that a file is read now."""
+        status = _status(self._folder / name)  # as it is read: earlier frames may have taken long
+        if status is not None:
+            self._done[name] = _version(status)
+            self._in_view[name] = time.monotonic() + KEPT_IN_VIEW_S
+        self._waiting.pop(name)
 
 
 def _not_watched(folder: Path, entries: Sequence[os.DirEntry[str]]) -> str:
