@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -12,6 +13,9 @@ from pipeline.cli.options.numbers import FiniteRange
 from pipeline.cli.options.video_codec import codec_option
 from pipeline.cli.results.numbers import json_number
 from pipeline.errors import InputError, printable
+
+if TYPE_CHECKING:
+    from pipeline.control.state import Limits
 
 
 @click.command("advise")
@@ -66,19 +70,15 @@ def command(
     from pipeline.condition import ConditionMonitor
     from pipeline.control.advice import advise
     from pipeline.control.policy import ControlledCamera
-    from pipeline.control.state import BASE_ISO, CameraState, Limits
+    from pipeline.control.state import BASE_ISO, CameraState
     from pipeline.executor import one_thread
     from pipeline.recording.measured_sensor import sensor_of, with_lower_gain
 
     one_thread()
     if exposure is not None:
         seconds(exposure, "--exposure")
-    exposure_max_s = seconds(exposure_max, "--exposure-max")
-    if exposure_max_s < Limits.exposure_min_s:
-        shortest = f"{1e6 * Limits.exposure_min_s:g} us"
-        raise InputError(f"--exposure-max {exposure_max}: expected at least {shortest}, the shortest time advised")
+    limits = _limits(exposure_max, iso_max)
     stored = None if camera_name is None else camera_store.load(camera_name)
-    limits = Limits(exposure_max_s=exposure_max_s, gain_max=iso_max / BASE_ISO)
     model = with_lower_gain(sensor_of(sensor).sensor, base_iso / BASE_ISO)  # gain 1 is ISO 100 below
     camera = ControlledCamera(limits, Camera(model))
     files = expand(paths)
@@ -115,3 +115,19 @@ def command(
             }
             click.echo(json.dumps({"picture": name, **row}))
     set_aside.refuse()
+
+
+def _limits(exposure_max: str, iso_max: float) -> Limits:
+    """The limits of advised settings.
+
+    Raises:
+        InputError: the longest exposure time is no time, or shorter than the shortest that is advised.
+    """
+    from pipeline.cli.frames.shot_settings import seconds
+    from pipeline.control.state import BASE_ISO, Limits
+
+    exposure_max_s = seconds(exposure_max, "--exposure-max")
+    if exposure_max_s < Limits.exposure_min_s:
+        shortest = f"{1e6 * Limits.exposure_min_s:g} us"
+        raise InputError(f"--exposure-max {exposure_max}: expected at least {shortest}, the shortest time advised")
+    return Limits(exposure_max_s=exposure_max_s, gain_max=iso_max / BASE_ISO)
