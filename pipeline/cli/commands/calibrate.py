@@ -62,9 +62,6 @@ def command(
     (CAMERA_MONITOR_HOME).
     """
     from pipeline.cli.calibration import camera_store
-    from pipeline.cli.calibration.charts import edge_mtf, star_mtf, storable
-    from pipeline.cli.calibration.contrast import MOST_EMPTY_FRACTION, refuse_without_contrast
-    from pipeline.cli.calibration.sharp_scenes import from_scenes
     from pipeline.cli.frames.given_files import expand
     from pipeline.cli.frames.pictures import read
     from pipeline.cli.package_version import version
@@ -80,6 +77,11 @@ def command(
     if calibrate_estimator and chart is not None:
         raise InputError("--calibrate-estimator is for pictures of scenes, not for a chart")
     frames = [(file, image) for path in expand(paths) for file, image, _ in read(path)]
+    # Estimators are loaded only now, once no option or picture can be refused any more.
+    from pipeline.cli.calibration.charts import edge_mtf, star_mtf, storable
+    from pipeline.cli.calibration.contrast import MOST_EMPTY_FRACTION, refuse_without_contrast
+    from pipeline.cli.calibration.sharp_scenes import from_scenes
+
     if chart is None:
         _refuse_other_sizes(frames)
         measured = None

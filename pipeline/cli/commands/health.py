@@ -106,9 +106,9 @@ def command(**given: Any) -> None:
 
     Frames that are black, dark, over-exposed, obstructed or frozen are flagged, in brackets after their name, and so
     is noise that the estimate leaves out: of whole rows or columns (banded, dead lines), and of single pixels
-    (impulses). Where
-    noise or blur of a video or folder grows over time, a trend alarm is raised: less than one false alarm an hour at
-    10 frames per second where the first 300 frames show how scenes vary, a few where scenery varies slowly.
+    (impulses). Where noise or blur of a video or folder grows over time, a trend alarm is raised: less than one false
+    alarm an hour at 10 frames per second where the first 300 frames show how scenes vary, a few where scenery varies
+    slowly.
 
     Where a threshold is given, but its quantity is unknown and no bound of it keeps the threshold, the frame is
     *undecided*, which the verdict counts. Noise above 60 DN (beyond) has no estimate, and is an alarm of any

@@ -10,14 +10,13 @@ import click
 
 from pipeline.cli.calibration import camera_store
 from pipeline.cli.frames.pictures import least_side_px, read
-from pipeline.condition import ConditionMonitor
-from pipeline.recording.provenance import monitor_weights
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
     from pipeline.cli.health.options import HealthOptions
+    from pipeline.condition import ConditionMonitor
 
 
 def monitor_of(options: HealthOptions, about: dict[str, Any]) -> tuple[ConditionMonitor, set[tuple[int, ...]]]:
@@ -30,6 +29,9 @@ def monitor_of(options: HealthOptions, about: dict[str, Any]) -> tuple[Condition
     Raises:
         InputError: an unknown estimator, or sharp pictures that it cannot be calibrated to.
     """
+    from pipeline.condition import ConditionMonitor  # which loads the estimators: only once no option can be refused
+    from pipeline.recording.provenance import monitor_weights
+
     monitor = ConditionMonitor(
         options.estimator, options.noise_name, blur_options={"output": "relative"} if options.generic_lens else None,
         most_tiles=options.most_tiles, most_patches=options.most_patches,

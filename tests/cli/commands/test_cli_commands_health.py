@@ -448,7 +448,7 @@ def test_a_run_that_ends_before_its_first_frame_says_why(tmp_path, monkeypatch, 
 
     path, out = write(tmp_path / "a.png", 5.0), tmp_path / "out"
     cases = {
-        "pipeline.cli.health.monitor.ConditionMonitor": set(),
+        "pipeline.condition.ConditionMonitor": set(),
         "pipeline.condition.frame_flags.measure": {"health.json", "health.html"},
     }
     for function, results in cases.items():
