@@ -19,6 +19,31 @@ if TYPE_CHECKING:
     from pipeline.datasets.video_coding import Coding
 
 
+def readable(
+    paths: Sequence[Path], every: int = 1, hinted: Counter[int] | None = None, least_px: int = SMALLEST_PX
+) -> Iterator[tuple[str, np.ndarray | None, str, Coding]]:
+    """Every frame of every file: its name with its picture and coding, or with what is wrong with the file.
+
+    Args:
+        paths: pictures and videos.
+        every: of a video take each n-th frame.
+        hinted: see `read`; None for a count of its own.
+        least_px: see `read`.
+
+    Returns:
+        name, (H, W) float32 in [0, 1] or None, the reason where it is None, and how the frame was stored.
+    """
+    from pipeline.datasets.video_coding import UNKNOWN
+
+    hinted = Counter() if hinted is None else hinted
+    for path in paths:
+        try:
+            for name, image, coding in read(path, every, hinted, least_px):
+                yield name, image, "", coding
+        except InputError as error:
+            yield str(path), None, str(error), UNKNOWN
+
+
 def read(
     path: Path, every: int = 1, hinted: Counter[int] | None = None, least_px: int = SMALLEST_PX
 ) -> Iterator[tuple[str, np.ndarray, Coding]]:
@@ -54,20 +79,6 @@ def read(
         yield f"{path}#{number}", image, coding
 
 
-def least_side_px(estimator: object) -> int:
-    """Side, pixels, that pictures have at least for a noise estimator; a plug-in may not state one."""
-    from pipeline.noise.base import smallest_patch_px
-
-    return max(SMALLEST_PX, smallest_patch_px(estimator))
-
-
-def too_small(shape: Sequence[int], least_px: int) -> str:
-    """That a picture (H, W) has a side of fewer pixels, in words; empty where it has not."""
-    height, width = shape
-    small = min(height, width) < least_px
-    return f"too small: {width}x{height} px, expected at least {least_px} px on either side" if small else ""
-
-
 def refuse(path: Path) -> None:
     """Refuse a file whose name no table, page or JSON file can hold, or whose format is not read.
 
@@ -91,26 +102,15 @@ def _why_unnamed(path: Path) -> str:
     return "its name is UTF-8, which this locale does not read; set PYTHONUTF8=1"
 
 
-def readable(
-    paths: Sequence[Path], every: int = 1, hinted: Counter[int] | None = None, least_px: int = SMALLEST_PX
-) -> Iterator[tuple[str, np.ndarray | None, str, Coding]]:
-    """Every frame of every file: its name with its picture and coding, or with what is wrong with the file.
+def least_side_px(estimator: object) -> int:
+    """Side, pixels, that pictures have at least for a noise estimator; a plug-in may not state one."""
+    from pipeline.noise.base import smallest_patch_px
 
-    Args:
-        paths: pictures and videos.
-        every: of a video take each n-th frame.
-        hinted: see `read`; None for a count of its own.
-        least_px: see `read`.
+    return max(SMALLEST_PX, smallest_patch_px(estimator))
 
-    Returns:
-        name, (H, W) float32 in [0, 1] or None, the reason where it is None, and how the frame was stored.
-    """
-    from pipeline.datasets.video_coding import UNKNOWN
 
-    hinted = Counter() if hinted is None else hinted
-    for path in paths:
-        try:
-            for name, image, coding in read(path, every, hinted, least_px):
-                yield name, image, "", coding
-        except InputError as error:
-            yield str(path), None, str(error), UNKNOWN
+def too_small(shape: Sequence[int], least_px: int) -> str:
+    """That a picture (H, W) has a side of fewer pixels, in words; empty where it has not."""
+    height, width = shape
+    small = min(height, width) < least_px
+    return f"too small: {width}x{height} px, expected at least {least_px} px on either side" if small else ""

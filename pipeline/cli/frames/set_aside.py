@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from pipeline.cli.frames.names import named
 from pipeline.errors import InputError, printable
 
 
@@ -26,8 +27,6 @@ class SetAside:
             name: of it.
             error: why it cannot be used.
         """
-        from pipeline.cli.frames.names import named
-
         self.names.append(name)
         self.reasons.append(named(name, error))
         click.echo(f"set aside: {printable(self.reasons[-1])}", err=True)

@@ -31,39 +31,47 @@ CURVES_IN = 1.65
 BAR_IN, BAR_GAP_IN = 0.16, 0.07  # width of a colour bar, and distance to its panel
 
 
-def _over(axes: Axes, image: NDArray[np.float32], title: str) -> None:
-    height, width = image.shape
-    axes.imshow(_shrunk(image), cmap="gray", vmin=0, vmax=1, extent=(-0.5, width - 0.5, height - 0.5, -0.5))
-    style.bare(axes)
-    axes.set_xlim(-0.5, image.shape[1] - 0.5)
-    axes.set_ylim(image.shape[0] - 0.5, -0.5)
-    axes.set_title(title, loc="left")
+@style.styled
+def draw(image: NDArray[np.float32], condition: Condition) -> NDArray[np.uint8]:
+    """The picture.
+
+    Args:
+        image: (H, W) in [0, 1], the frame.
+        condition: its condition.
+
+    Returns:
+        (h, w, 3) RGB.
+    """
+    # Panels of fixed sizes: a layout engine takes a third of the time.
+    across_in = ACROSS_IN
+    panel_in = across_in - LEFT_IN - RIGHT_IN
+    tall_in = min(max(panel_in * image.shape[0] / image.shape[1], 1.2), 7.0)
+    heights_in = (tall_in, tall_in, CURVES_IN)
+    more_in = TITLE_LINE_IN * _noise_title(condition).count("\n")
+    total_in = sum(heights_in) + len(heights_in) * TITLE_IN + more_in + GAP_IN + BOTTOM_IN
+    figure = style.new_figure(across_in, total_in)
+    figure.set_layout_engine("none")
+    panels, below_in = [], total_in
+    for height_in, gap_in in zip(heights_in, (more_in, 0, GAP_IN), strict=True):
+        below_in -= TITLE_IN + gap_in + height_in
+        panels.append(
+            figure.add_axes((LEFT_IN / across_in, below_in / total_in, panel_in / across_in, height_in / total_in))
+        )
+    _noise(panels[0], image, condition)
+    _blur(panels[1], image, condition)
+    _curves(panels[2], condition)
+    figure.set_dpi(DPI)
+    figure.canvas.draw()
+    pixels: NDArray[np.uint8] = np.asarray(figure.canvas.buffer_rgba())[..., :3].copy()  # type: ignore[attr-defined]
+    return pixels
 
 
-def _shrunk(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The picture with no more pixels across than the drawing has; resampling more of them is most of the time."""
-    import cv2
-
-    scale = ACROSS_IN * DPI / image.shape[1]
-    if scale >= 1:
-        return image
-    return np.asarray(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), dtype=np.float32)
-
-
-def _map(
-    axes: Axes, image: NDArray[np.float32], cells: NDArray[np.floating], top: float, colours: str, unit: str
-) -> None:
-    """Colour the frame by an even grid of cells; where a cell knows nothing, the frame stays grey."""
-    height, width = image.shape
-    shown = axes.imshow(
-        np.ma.masked_invalid(cells), cmap=colours, vmin=0, vmax=top, alpha=STRENGTH,
-        extent=(-0.5, width - 0.5, height - 0.5, -0.5),
-    )  # fmt: skip
-    figure, panel = axes.get_figure(root=True), axes.get_position()
-    assert figure is not None
-    across_in = figure.get_size_inches()[0]
-    bar = figure.add_axes((panel.x1 + BAR_GAP_IN / across_in, panel.y0, BAR_IN / across_in, panel.height))
-    figure.colorbar(shown, cax=bar, label=unit)
+def _noise(axes: Axes, image: NDArray[np.float32], condition: Condition) -> None:
+    _over(axes, image, _noise_title(condition))
+    cells = condition.noise.map_dn
+    known_cells = cells[np.isfinite(cells)]
+    top = max(LEAST_TOP_DN, float(np.percentile(known_cells, 99)) if known_cells.size else 0.0)
+    _map(axes, image, cells, top, "viridis", "σ [DN]")
 
 
 def _noise_title(condition: Condition) -> str:
@@ -76,14 +84,6 @@ def _noise_title(condition: Condition) -> str:
     interval = f" ({sigma.low:.2f} to {sigma.high:.2f})" if np.isfinite(sigma.high) else ""
     reported = f"σ {sigma.value:.2f} DN{interval}" if known else without
     return textwrap.fill(f"Noise: {reported}", TITLE_CHARACTERS)
-
-
-def _noise(axes: Axes, image: NDArray[np.float32], condition: Condition) -> None:
-    _over(axes, image, _noise_title(condition))
-    cells = condition.noise.map_dn
-    known_cells = cells[np.isfinite(cells)]
-    top = max(LEAST_TOP_DN, float(np.percentile(known_cells, 99)) if known_cells.size else 0.0)
-    _map(axes, image, cells, top, "viridis", "σ [DN]")
 
 
 def _blur(axes: Axes, image: NDArray[np.float32], condition: Condition) -> None:
@@ -127,36 +127,36 @@ def _curves(axes: Axes, condition: Condition) -> None:
     axes.legend(loc="lower left")
 
 
-@style.styled
-def draw(image: NDArray[np.float32], condition: Condition) -> NDArray[np.uint8]:
-    """The picture.
+def _over(axes: Axes, image: NDArray[np.float32], title: str) -> None:
+    height, width = image.shape
+    axes.imshow(_shrunk(image), cmap="gray", vmin=0, vmax=1, extent=(-0.5, width - 0.5, height - 0.5, -0.5))
+    style.bare(axes)
+    axes.set_xlim(-0.5, image.shape[1] - 0.5)
+    axes.set_ylim(image.shape[0] - 0.5, -0.5)
+    axes.set_title(title, loc="left")
 
-    Args:
-        image: (H, W) in [0, 1], the frame.
-        condition: its condition.
 
-    Returns:
-        (h, w, 3) RGB.
-    """
-    # Panels of fixed sizes: a layout engine takes a third of the time.
-    across_in = ACROSS_IN
-    panel_in = across_in - LEFT_IN - RIGHT_IN
-    tall_in = min(max(panel_in * image.shape[0] / image.shape[1], 1.2), 7.0)
-    heights_in = (tall_in, tall_in, CURVES_IN)
-    more_in = TITLE_LINE_IN * _noise_title(condition).count("\n")
-    total_in = sum(heights_in) + len(heights_in) * TITLE_IN + more_in + GAP_IN + BOTTOM_IN
-    figure = style.new_figure(across_in, total_in)
-    figure.set_layout_engine("none")
-    panels, below_in = [], total_in
-    for height_in, gap_in in zip(heights_in, (more_in, 0, GAP_IN), strict=True):
-        below_in -= TITLE_IN + gap_in + height_in
-        panels.append(
-            figure.add_axes((LEFT_IN / across_in, below_in / total_in, panel_in / across_in, height_in / total_in))
-        )
-    _noise(panels[0], image, condition)
-    _blur(panels[1], image, condition)
-    _curves(panels[2], condition)
-    figure.set_dpi(DPI)
-    figure.canvas.draw()
-    pixels: NDArray[np.uint8] = np.asarray(figure.canvas.buffer_rgba())[..., :3].copy()  # type: ignore[attr-defined]
-    return pixels
+def _shrunk(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The picture with no more pixels across than the drawing has; resampling more of them is most of the time."""
+    import cv2
+
+    scale = ACROSS_IN * DPI / image.shape[1]
+    if scale >= 1:
+        return image
+    return np.asarray(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), dtype=np.float32)
+
+
+def _map(
+    axes: Axes, image: NDArray[np.float32], cells: NDArray[np.floating], top: float, colours: str, unit: str
+) -> None:
+    """Colour the frame by an even grid of cells; where a cell knows nothing, the frame stays grey."""
+    height, width = image.shape
+    shown = axes.imshow(
+        np.ma.masked_invalid(cells), cmap=colours, vmin=0, vmax=top, alpha=STRENGTH,
+        extent=(-0.5, width - 0.5, height - 0.5, -0.5),
+    )  # fmt: skip
+    figure, panel = axes.get_figure(root=True), axes.get_position()
+    assert figure is not None
+    across_in = figure.get_size_inches()[0]
+    bar = figure.add_axes((panel.x1 + BAR_GAP_IN / across_in, panel.y0, BAR_IN / across_in, panel.height))
+    figure.colorbar(shown, cax=bar, label=unit)
