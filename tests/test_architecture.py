@@ -183,3 +183,18 @@ def test_light_commands_stay_light():
     )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert result.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    "line", ["health a.png --calibrate-estimator", "calibrate front a.png --calibrate-estimator --chart star"]
+)
+def test_a_refused_option_is_refused_before_anything_heavy_is_loaded(line):
+    code = (
+        "import sys\n"
+        "from pipeline.cli import main\n"
+        "try: main()\n"
+        "except SystemExit as ended: print(ended.code, sorted({'torch', 'cv2', 'scipy'} & set(sys.modules)))"
+    )
+    command = [sys.executable, "-c", code, *line.split()]
+    result = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
+    assert result.stdout.strip() == "2 []", result.stderr
