@@ -18,11 +18,7 @@ LEAST_GAIN_PERCENT = 2.0
 NOISE = ("sigma_dn", "sigma_high_dn", "sigma_at_most_dn")
 """Columns that the noise is put into words from."""
 
-BAD_BLUR = ("moderately blurred", "strongly blurred")
 BAD_NOISE = ("high", "very high")
-
-LEAST_BLURRED_FRACTION = 0.2
-"""Of a frame's patches, from which it is stated that a part is blurred."""
 
 
 def run_verdict(
@@ -334,12 +330,16 @@ def _worst(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 def _is_bad(row: dict[str, Any]) -> bool:
     """Whether a frame is at least moderately blurred, and surely so, or highly noisy."""
+    from pipeline.condition.verdict import BAD_BLUR
+
     return (row["blur"] in BAD_BLUR and not row["blur_range"]) or row["noise"] in BAD_NOISE or is_beyond(row)
 
 
 def _partly_blurred(rows: Sequence[dict[str, Any]]) -> list[str]:
     """That a part of frames is blurred whose grade, that of the median patch, does not say so."""
-    partly = [row for row in rows if row["blur"] not in BAD_BLUR and row["blurred_fraction"] >= LEAST_BLURRED_FRACTION]
+    from pipeline.condition.verdict import is_partly_blurred
+
+    partly = [row for row in rows if is_partly_blurred(row["blur"], row["blurred_fraction"])]
     if not partly:
         return []
     row = max(partly, key=lambda row: row["blurred_fraction"])
