@@ -47,7 +47,7 @@ docs: $(READY) ## build the site of docs/ into site/, every link checked
 # shared by benchmarks; nothing to run
 BENCHMARK_MODULES := camera_shake common flag_rates mean_amae rendered_psf
 # their records are of data or programs that only a user can give
-BENCHMARKS_OF_DATA := coded_advice coded_noise flags image_formation noise_budget noisy_blur other_frames processors real_blur unseen_kernels video_codecs
+BENCHMARKS_OF_DATA := blur_words coded_advice coded_noise flags image_formation noise_budget noisy_blur other_frames processors real_blur unseen_kernels video_codecs
 BENCHMARKS := $(filter-out $(BENCHMARK_MODULES) $(BENCHMARKS_OF_DATA),$(basename $(notdir $(wildcard benchmarks/[a-z]*.py))))
 
 bench: $(READY) ## measure speed side by side with peers; results in benchmarks/results

@@ -11,18 +11,21 @@ Blur is graded by the MTF50, the frequency of half contrast, of the worse axis, 
 
 The ends of the MTF's 95 % interval are graded alike. Where they are two grades apart or more, as on noisy photographs
 of cameras, the grade is uncertain, and so stated (*strongly blurred (uncertain: sharp to strongly blurred)*); a cause
-is not named where the picture may be sharp. So it is with noise (`noise_ends`), which texture may hide.
+is not named then. So it is with noise (`noise_ends`), which texture may hide.
 
 Noise by its standard deviation: very low below 1 DN, low below 4, moderate below 10, high below 20, else very high.
 
 Blur has a direction where the mean MTF of one axis is below the other's by more than a fifth. That is what motion (or
 a shaking mount) does; defocus, water on the lens and motion along a diagonal reduce both axes alike, and two axes do
 not distinguish them. Where both are strongly blurred no direction is told: little contrast is left to compare. Nor is
-one where less than half of the blurred patches have it themselves (`directed`): medians over sharp and blurred patches
-of a frame may differ between axes though no patch does.
+one where less than 70 % of the blurred patches have it themselves (`directed`): medians over sharp and blurred patches
+of a frame may differ between axes though no patch does. From half of them on the cause is open, too.
 
 Patches may differ: a drop on the lens or an object in motion blurs a part. A patch is surely blurred where its MTF
-grades it as moderately blurred and the upper end of its interval not as sharp (`blurred_fraction`).
+grades it as moderately blurred and the upper end of its interval is nearer to that than to sharp (`blurred_fraction`);
+with a fifth of such patches a frame is partly blurred (`is_partly_blurred`).
+
+``benchmarks/blur_words.py`` counts how often these words are right and wrong.
 """
 
 from __future__ import annotations
@@ -37,6 +40,12 @@ from pipeline.condition.summary import half_contrast
 
 SHARP = "sharp"
 BLUR_GRADES = ((0.11, "strongly blurred"), (0.22, "moderately blurred"), (0.35, "slightly blurred"))
+BAD_BLUR = ("moderately blurred", "strongly blurred")
+SURELY_BLURRED_MTF50 = 0.28
+"""Of the upper end of a patch's interval, below which it is surely blurred: nearer to moderate blur than to none."""
+LEAST_BLURRED_FRACTION = 0.2
+"""Of a frame's patches, from which it is stated that a part is blurred."""
+
 UNCERTAIN_GRADES = 2
 """So many grades between the ends of an interval make the grade uncertain."""
 NOISE_GRADES = ((1.0, "very low"), (4.0, "low"), (10.0, "moderate"), (20.0, "high"))
@@ -45,7 +54,8 @@ PROCESSED_CORRELATION = 0.25
 """Correlation of the noise of adjacent pixels from which a camera or program has processed it. The 8 photographs of CC
 and 10 of PolyU read 0.45 to 0.67, 6 frames of KITTI and Udacity with 2 to 10 DN of white noise 0.09 at most."""
 DIRECTED_RATIO = 0.8  # of the mean MTF of the lower axis to the other's
-DIRECTED_SHARE = 0.5  # of the blurred patches
+DIRECTED_SHARE = 0.7  # of the blurred patches, from which the frame has their direction
+PERHAPS_DIRECTED_SHARE = 0.5  # from which they may have one
 HIGH_NOISE_DN = 10.0
 MUCH_MORE = 1.5
 DIM_MEDIAN_DN = 48.0
@@ -59,7 +69,7 @@ REASONS = {
     "saturated": "too bright or too dark",
     "flat": "no variation to measure",
     "structureless": "no structure, only shading and noise",
-    "covered": "a uniform border covers a part",
+    "covered": "a part has one grey level: a border, or a picture of few levels",
     "incomplete": "some frequencies are unknown",
 }
 """Why noise or blur is unknown, in words; other reasons are words already."""
@@ -181,10 +191,20 @@ def blurred_fraction(mtf: NDArray[np.floating], high: NDArray[np.floating] | Non
     known = np.isfinite(mtf).all(axis=(1, 2))
     if not known.any():
         return float("nan")
-    (_, _), (moderate, _), (slight, _) = BLUR_GRADES
+    (_, _), (moderate, _), *_ = BLUR_GRADES
     blurred = half_contrast(mtf[known]).min(axis=-1) < moderate
     ends = mtf if high is None else high
-    return float(np.mean(blurred & (half_contrast(ends[known]).min(axis=-1) < slight)))
+    return float(np.mean(blurred & (half_contrast(ends[known]).min(axis=-1) < SURELY_BLURRED_MTF50)))
+
+
+def is_partly_blurred(blur: str, fraction: float) -> bool:
+    """Whether a part of a frame is blurred whose grade, that of the median patch, does not say so.
+
+    Args:
+        blur: grade of the frame.
+        fraction: of its patches that are surely blurred (`blurred_fraction`); NaN where unknown.
+    """
+    return blur not in BAD_BLUR and fraction >= LEAST_BLURRED_FRACTION
 
 
 def directed(mtf: NDArray[np.floating]) -> tuple[float, float]:
@@ -232,10 +252,11 @@ def grade(
         if blur != SHARP:
             strong = _reached(BLUR_GRADES, float(half_contrast(curves).max())) == 0
             axis = int(np.argmin(means))
-            agreed = shares is None or shares[axis] >= DIRECTED_SHARE
-            if agreed and means.min() < DIRECTED_RATIO * means.max() and not strong:
+            differ = means.min() < DIRECTED_RATIO * means.max() and not strong
+            share = (1.0 if shares is None else shares[axis]) if differ else 0.0
+            if share >= DIRECTED_SHARE:
                 direction = AXES[axis]
-            if not uncertain.startswith(SHARP):
+            if not uncertain and (direction or share < PERHAPS_DIRECTED_SHARE):
                 blur_cause = "probably motion" if direction else "defocus, water on the lens or diagonal motion"
     noise = ""
     if np.isfinite(sigma_dn):

@@ -4,10 +4,18 @@ import numpy as np
 import pytest
 from control_makers import REFERENCE, darker_performance, formula_ap, performance
 
-from pipeline.camera.mtf import sample
+from pipeline.camera.mtf import FREQUENCIES, sample
 from pipeline.camera.psf import create
 from pipeline.condition.summary import half_contrast
-from pipeline.condition.verdict import blurred_fraction, bound_words, directed, grade, noise_ends, noise_parts_words
+from pipeline.condition.verdict import (
+    blurred_fraction,
+    bound_words,
+    directed,
+    grade,
+    is_partly_blurred,
+    noise_ends,
+    noise_parts_words,
+)
 from pipeline.control.expected_precision import equivalent_motion, expected_precision
 from pipeline.control.motion import motion_mtf
 from pipeline.streams import stream
@@ -44,13 +52,13 @@ def test_sharp_pictures_have_neither_direction_nor_cause():
     ("low_px", "high_px", "blur_range", "cause"),
     [
         (21, 7, "", "probably motion"),
-        (21, 4, "slightly blurred to strongly blurred", "probably motion"),
+        (21, 4, "slightly blurred to strongly blurred", ""),
         (21, 0, "sharp to strongly blurred", ""),
         (7, 0, "sharp to moderately blurred", ""),
     ],
 )
 def test_a_grade_whose_interval_reaches_two_grades_off_is_uncertain(low_px, high_px, blur_range, cause):
-    """No cause is named where the picture may be sharp."""
+    """No cause is named then: sharp frames with noise were given one."""
     low, high = (blurred("linear_motion", size_px) if size_px else LENS for size_px in (low_px, high_px))
     grades = grade(2.0, blurred("linear_motion", 7), ends=(low, high))
     assert (grades.blur_range, grades.blur_cause) == (blur_range, cause)
@@ -147,6 +155,37 @@ def test_the_share_of_blurred_patches_counts_those_that_are_surely_blurred():
     moved = np.stack([np.stack([sharp[0], strong[0]]), np.stack([strong[0], sharp[0]]), sharp])  # on one axis each
     assert blurred_fraction(moved, moved) == pytest.approx(2 / 3)
     assert np.isnan(blurred_fraction(none[None], None))
+
+
+def with_half_contrast_at(mtf50):
+    """An MTF, alike on both axes, that falls to half there."""
+    return np.tile(0.5 ** (FREQUENCIES / mtf50), (2, 1))
+
+
+def test_a_patch_is_surely_blurred_where_its_interval_ends_below_slight_blur():
+    """Of sharp frames with noise, patches whose interval ends at .30 or .34 of Nyquist made many partly blurred."""
+    mtf = np.stack([with_half_contrast_at(0.1)] * 4)
+    high = np.stack([with_half_contrast_at(mtf50) for mtf50 in (0.2, 0.26, 0.3, 0.34)])
+    assert blurred_fraction(mtf, high) == pytest.approx(0.5)
+
+
+def test_a_frame_is_partly_blurred_where_its_grade_does_not_say_so():
+    assert is_partly_blurred("sharp", 0.2) and is_partly_blurred("slightly blurred", 0.4)
+    assert not is_partly_blurred("sharp", 0.19) and not is_partly_blurred("", float("nan"))
+    assert not is_partly_blurred("moderately blurred", 0.6) and not is_partly_blurred("strongly blurred", 1.0)
+
+
+@pytest.mark.parametrize(
+    ("share", "direction", "cause"),
+    [
+        (0.7, "horizontal", "probably motion"),
+        (0.6, "", ""),  # most directions that sharp frames were given had between half and 70 % of the patches
+        (0.4, "", "defocus, water on the lens or diagonal motion"),
+    ],
+)
+def test_neither_direction_nor_cause_is_named_where_patches_do_not_agree(share, direction, cause):
+    grades = grade(2.0, blurred("linear_motion", 7), shares=(share, 0.0))
+    assert (grades.blur, grades.direction, grades.blur_cause) == ("moderately blurred", direction, cause)
 
 
 def test_a_direction_is_that_of_the_blurred_patches_not_of_medians_over_sharp_ones():

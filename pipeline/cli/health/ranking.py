@@ -7,7 +7,6 @@ from typing import Any
 
 from pipeline.cli.analysis.rows import is_beyond
 
-BAD_BLUR = ("moderately blurred", "strongly blurred")
 BAD_NOISE = ("high", "very high")
 
 
@@ -35,4 +34,6 @@ def badness(row: dict[str, Any]) -> tuple[float, ...]:
 
 def is_bad(row: dict[str, Any]) -> bool:
     """Whether a frame is at least moderately blurred, and surely so, or highly noisy."""
+    from pipeline.condition.verdict import BAD_BLUR
+
     return (row["blur"] in BAD_BLUR and not row["blur_range"]) or row["noise"] in BAD_NOISE or is_beyond(row)

@@ -19,15 +19,12 @@ from pipeline.cli.analysis.medians import (
     noise_mostly_unknown,
 )
 from pipeline.cli.analysis.rows import is_beyond
-from pipeline.cli.health.ranking import BAD_BLUR, badness, is_bad
+from pipeline.cli.health.ranking import badness, is_bad
 from pipeline.cli.health.row_words import noise_level_words, row_words
 from pipeline.errors import printable
 
 LEAST_GAIN_PERCENT = 2.0
 """Points of average precision that other settings must promise to be advised."""
-
-LEAST_BLURRED_FRACTION = 0.2
-"""Of a frame's patches, from which it is stated that a part is blurred."""
 
 
 def run_verdict(
@@ -189,7 +186,9 @@ def _worst(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 def _partly_blurred(rows: Sequence[dict[str, Any]]) -> list[str]:
     """That a part of frames is blurred whose grade, that of the median patch, does not say so."""
-    partly = [row for row in rows if row["blur"] not in BAD_BLUR and row["blurred_fraction"] >= LEAST_BLURRED_FRACTION]
+    from pipeline.condition.verdict import is_partly_blurred
+
+    partly = [row for row in rows if is_partly_blurred(row["blur"], row["blurred_fraction"])]
     if not partly:
         return []
     row = max(partly, key=lambda row: row["blurred_fraction"])

@@ -174,6 +174,14 @@ def test_a_part_that_is_blurred_is_stated_where_the_median_patch_is_not():
     assert not any("Partly" in text for text in verdict_of(whole))
 
 
+def test_a_part_of_one_grey_level_is_not_said_to_be_a_border():
+    """Pictures reduced to few grey levels have such parts, too."""
+    without = {"sigma_dn": np.nan, "sigma_high_dn": np.nan, "sigma_at_most_dn": np.nan, "noise": ""}
+    sentences = verdict_of([frame_row(0, **without, abstained={"noise": {"covered": 3}})])
+    reason = "a part has one grey level: a border, or a picture of few levels"
+    assert f"Noise is unknown in 1 of 1 frames ({reason})." in sentences
+
+
 def test_frames_that_have_an_estimate_do_not_stand_for_more_that_have_none():
     """31 of 40 were too bright to measure noise in; the others, the darkest, had none."""
     unknown = {"sigma_dn": np.nan, "sigma_high_dn": np.nan, "sigma_at_most_dn": np.nan, "noise": ""}
