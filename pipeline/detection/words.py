@@ -6,6 +6,7 @@ called their detections tells, and such an attribute, if there is one, what they
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Collection
 
 import numpy as np
@@ -52,6 +53,28 @@ def check_words(kind: str, options: str, classes: Collection[str], seen: Collect
     if len(unknown) == len(set(classes)):
         raise InputError(message)
     return [f"{message}; the average precision of {_either(unknown)} is 0 %"]
+
+
+def warn_of_words(kind: str, options: str, classes: Collection[str], seen: Collection[str], dataset: str) -> bool:
+    """Check as `check_words`, and print its warnings to stderr.
+
+    Args:
+        kind: see `check_words`.
+        options: see there.
+        classes: see there.
+        seen: see there.
+        dataset: see there.
+
+    Returns:
+        whether there were any.
+
+    Raises:
+        InputError: see `check_words`.
+    """
+    warnings = check_words(kind, options, classes, seen, dataset)
+    for warning in warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    return bool(warnings)
 
 
 def _refuse_mistaken(kind: str, classes: Collection[str], seen: Collection[str], dataset: str) -> None:

@@ -7,7 +7,6 @@ and the weights by their SHA-256, so that anyone who has them can repeat the num
 
 from __future__ import annotations
 
-import sys
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline import store
 from pipeline.curves import directions, precision
 from pipeline.datasets.selection import scenes_of
-from pipeline.detection.words import check_words
+from pipeline.detection.words import warn_of_words
 from pipeline.errors import InputError
 from pipeline.executor import run_map
 from pipeline.experiments import detect, iopc
@@ -167,8 +166,7 @@ def _measure(
     classes, options = tuple(words.classes), detect.options_of(section)
     one = detect.Sweep(section.kind, options, classes, shape.noise_source, levels, camera, config.seed)
     result = run_map(partial(_look, one), work, label=f"{detector} on {dataset}")
-    for warning in check_words(section.kind, options, classes, detect.words_of(result), dataset):
-        print(f"warning: {warning}", file=sys.stderr)
+    warn_of_words(section.kind, options, classes, detect.words_of(result), dataset)
     detections, looked = detect.tables(work, result, one, scenes)
     table, draws = precision.average_precision(
         detections, looked, detect.objects(frames, words), conditions, classes, criteria, config.seed
