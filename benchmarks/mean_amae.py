@@ -24,6 +24,24 @@ if TYPE_CHECKING:
 DRAWS = 200
 CELL = ("blur_kind", "kernel_size_px")
 KERNEL = ("blur_kind", "kernel_size_px", "angle_deg", "kernel")
+MEASURES = ["amae_percent", "patch_error_percent", "coverage"]
+
+
+def mean_errors(cells: pd.DataFrame, measurements: pd.DataFrame, seed: int, purpose: Sequence[str]) -> dict[str, float]:
+    """Means over cells, and the interval of that of the AMAE, with four decimals.
+
+    Args:
+        cells: `pipeline.experiments.table_one.summarise` of the measurements.
+        measurements: see `interval_percent`.
+        seed: see there.
+        purpose: see there.
+
+    Returns:
+        `MEASURES`, then ``amae_low_percent`` and ``amae_high_percent``.
+    """
+    low, high = interval_percent(measurements, seed, purpose)
+    means = {**cells[MEASURES].mean().to_dict(), "amae_low_percent": low, "amae_high_percent": high}
+    return {str(key): round(float(value), 4) for key, value in means.items()}
 
 
 def interval_percent(measurements: pd.DataFrame, seed: int, purpose: Sequence[str]) -> tuple[float, float]:

@@ -52,16 +52,15 @@ def measure(config: Config, name: str, estimator: str, sigma_dn: float, patches:
     conditions = grid(bank(KINDS, seed=config.seed, match="paper"), [SOURCE], [sigma_dn])
     table = run(folded, conditions, [method], camera=config.camera, seed=config.seed)
     cells = table_one.summarise(table, config.seed, 0, calibrated=True)
-    means = cells.groupby("blur_kind")[["amae_percent", "patch_error_percent", "coverage"]].mean()
-    for kind, rows in table.groupby("blur_kind"):
-        ends = mean_amae.interval_percent(rows, config.seed, (name, estimator, str(kind)))
-        means.loc[kind, ["amae_low_percent", "amae_high_percent"]] = ends
     return {
         "frames": len(work),
         "patches": sum(len(item.patches["mtf"]) for item in work),
         "abstained": int(cells["abstained"].sum()),
         **{
-            str(kind): {str(key): float(value) for key, value in row.items()} for kind, row in means.round(4).iterrows()
+            str(kind): mean_amae.mean_errors(
+                cells[cells["blur_kind"] == kind], rows, config.seed, (name, estimator, str(kind))
+            )
+            for kind, rows in table.groupby("blur_kind")
         },
     }
 

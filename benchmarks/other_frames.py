@@ -64,7 +64,6 @@ if TYPE_CHECKING:
     from pipeline.experiments.frames import TestFrame
 
 SIGMA_DN = 25.0
-MEASURES = ["amae_percent", "patch_error_percent", "coverage"]
 
 
 def conditions(config: Config, kernels: Path | None) -> dict[str, tuple[Sequence[Condition], tuple[str, ...]]]:
@@ -99,11 +98,7 @@ def errors(name: str, table: pd.DataFrame, seed: int) -> dict[str, Any]:
     result: dict[str, Any] = {"cells": len(cells)}
     for part, (means, rows) in parts.items():
         purpose = (str(rows["dataset"].iloc[0]), str(rows["estimator"].iloc[0]), name, part)
-        ends = mean_amae.interval_percent(rows, seed, purpose)
-        ends_by_name = dict(zip(("amae_low_percent", "amae_high_percent"), ends, strict=True))
-        result[part] = {
-            key: round(float(value), 4) for key, value in (means[MEASURES].mean().to_dict() | ends_by_name).items()
-        }
+        result[part] = mean_amae.mean_errors(means, rows, seed, purpose)
     return result
 
 

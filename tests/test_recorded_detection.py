@@ -10,6 +10,7 @@ import composed
 import numpy as np
 import pandas as pd
 import pytest
+from data_makers import make_folder
 
 from pipeline import store
 from pipeline.curves import Surface
@@ -149,3 +150,17 @@ def test_frames_with_broken_labels_are_named_and_refused_where_they_are_more_tha
     allowed = composed.config(*overrides, "datasets.mine.max_rejected_fraction=0.25")
     assert [frame.name for frame in labelled_frames(allowed, "mine")] == ["0", "1", "3"]
     assert "warning: dataset 'mine': 2.png is left out: labels/2.txt, line 1: expected" in capsys.readouterr().err
+
+
+def test_a_damaged_picture_is_named_before_anything_is_measured(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = make_folder(tmp_path / "mine", frames=4)
+    damaged = root / "images/frame-3.png"
+    damaged.write_bytes(damaged.read_bytes()[:3000])
+    overrides = ["+dataset@datasets.mine=folder", f"datasets.mine.root={root}"]
+    with pytest.raises(InputError, match=r"1 of 4 frames cannot be used.*images/frame-3\.png \(truncated"):
+        labelled_frames(composed.config(*overrides), "mine")
+    overrides += ["datasets.mine.max_rejected_fraction=0.25", "detection.sweep.frames=2"]
+    assert [frame.name for frame in labelled_frames(composed.config(*overrides), "mine")] == ["frame-0", "frame-1"]
+    assert "warning: dataset 'mine': images/frame-3.png is left out: truncated" in capsys.readouterr().err

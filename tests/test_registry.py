@@ -72,6 +72,7 @@ UNFINISHED = """
 from abc import ABC, abstractmethod
 
 from pipeline.blur.base import Estimator as Blur
+from pipeline.control.iopc import IopcPolicy
 from pipeline.control.policy import Policy as OfControl
 from pipeline.noise.base import Estimator as Noise
 
@@ -85,6 +86,10 @@ class Blind(Blur):
 
 
 class Undecided(OfControl):
+    pass
+
+
+class Indifferent(IopcPolicy):
     pass
 
 
@@ -106,7 +111,7 @@ def test_a_class_without_its_method_is_named(tmp_path, monkeypatch):
     points = {
         "noise": "unfinished = unfinished_parts:Measureless\nother = unfinished_parts:Other",
         "blur": "unfinished = unfinished_parts:Blind",
-        "control": "unfinished = unfinished_parts:Undecided",
+        "control": "unfinished = unfinished_parts:Undecided\nother = unfinished_parts:Indifferent",
         "detection": "unfinished = unfinished_parts:Loading\nother = unfinished_parts:Other",
     }
     plug_in(tmp_path, monkeypatch, "unfinished_parts", UNFINISHED, **points)
@@ -115,6 +120,7 @@ def test_a_class_without_its_method_is_named(tmp_path, monkeypatch):
         (noise.create, "other", r"noise estimator 'other': Other lacks estimate\(\)"),
         (blur.create, "unfinished", r"blur estimator 'unfinished': Blind lacks measure\(\)"),
         (control.create, "unfinished", r"control policy 'unfinished': Undecided lacks decide\(\)"),
+        (control.create, "other", r"control policy 'other': Indifferent lacks choose\(\)"),
         (detection.create, "unfinished", r"detector 'unfinished': Loading lacks load\(\)"),
         (detection.create, "other", r"detector 'other': Other lacks detect\(\)"),
     ):

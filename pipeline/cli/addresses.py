@@ -15,6 +15,11 @@ _SECRET = re.compile(
 """Parameters of an address that hold a user name, a password or a key, as cameras name them."""
 
 
+def begins_as_address(text: str) -> bool:
+    """Whether a text begins with a protocol (``rtsp://...``), also with one slash, as by mistake."""
+    return _ADDRESS.match(text) is not None
+
+
 def without_credentials(text: str) -> str:
     """A text as it may be printed: the addresses in it without user name and password.
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from pipeline.cli.addresses import without_credentials
 from pipeline.cli.ending_signals import ENDING_SIGNALS, not_ignored
 from pipeline.cli.exit_codes import INTERRUPTED, REFUSED
 from pipeline.errors import InputError, did_you_mean, printable
@@ -54,14 +55,14 @@ class LazyGroup(click.Group):
             with handled(not_ignored(ENDING_SIGNALS), _interrupt):
                 return super().invoke(ctx)
         except InputError as error:
-            lines = [printable(line) for line in str(error).split("\n")]  # names of files may hold any character
+            lines = [_shown(line) for line in str(error).split("\n")]
             click.echo("error: " + "\n".join(lines), err=True)
             raise SystemExit(REFUSED) from None
         except click.UsageError as error:
             if type(error).__name__ == "NoArgsIsHelpError":  # a group called without a command shows its help
                 raise
             hint = f"; see {error.ctx.command_path} --help" if error.ctx is not None else ""
-            click.echo(f"error: {printable(error.format_message().rstrip('.'))}{hint}", err=True)
+            click.echo(f"error: {_shown(error.format_message().rstrip('.'))}{hint}", err=True)
             raise SystemExit(REFUSED) from None
         except BrokenPipeError:
             raise  # click ends quietly: whoever read the output has enough
@@ -79,6 +80,11 @@ class LazyGroup(click.Group):
         except KeyboardInterrupt:
             click.echo("interrupted; what was finished is written", err=True)
             raise SystemExit(INTERRUPTED) from None
+
+
+def _shown(line: str) -> str:
+    """A line of an error: names of files may hold any character, and any argument may be an address by mistake."""
+    return printable(without_credentials(line))
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

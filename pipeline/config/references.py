@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -98,27 +98,49 @@ def _kind(key: str, package: str, entry: Any) -> Iterator[str]:
     weights = parameters.get("weights")
     if detector and entry.weights is None and weights is not None and weights.default is inspect.Parameter.empty:
         yield f"{key}.weights: '{entry.kind}' needs a file; 'camera-monitor weights list' shows what there is"
-    if any(parameter.kind is inspect.Parameter.VAR_KEYWORD for parameter in parameters.values()):
-        return
-    if detector and entry.weights is not None and weights is None:
+    if detector and entry.weights is not None and weights is None and not _takes_any(parameters):
         yield f"{key}.weights: '{entry.kind}' takes no weights; leave the key out"
-    for option in entry.options:
-        if option not in parameters:
-            yield f"{key}.options.{option}: unknown option of '{entry.kind}'; {did_you_mean(option, parameters)}"
+    yield from _unknown(f"{key}.options", entry.kind, entry.options, parameters)
+
+
+def _unknown(key: str, kind: str, options: Iterable[str], parameters: Mapping[str, inspect.Parameter]) -> Iterator[str]:
+    """Options that a class of this signature does not take."""
+    for option in options:
+        if option not in parameters and not _takes_any(parameters):
+            yield f"{key}.{option}: unknown option of '{kind}'; {did_you_mean(option, parameters)}"
+
+
+def _takes_any(parameters: Mapping[str, inspect.Parameter]) -> bool:
+    return any(parameter.kind is inspect.Parameter.VAR_KEYWORD for parameter in parameters.values())
 
 
 def _reader_options(config: Any) -> Iterator[str]:
-    """Options of a dataset's reader that are keys of its section instead, which the reader would be given twice."""
+    """Options of a dataset's reader that are keys of its section instead, which the reader would be given twice.
+
+    Of those with which a sweep has it read anew also names that it does not take; `_kind` has checked the section's.
+    """
     sections = [(f"datasets.{name}.options", name, section.options) for name, section in config.datasets.items()]
-    sections += [
-        (f"detection.sweep.options.{name}", name, given) for name, given in config.detection.sweep.options.items()
-    ]
+    sweep = {name: given for name, given in config.detection.sweep.options.items() if name in config.datasets}
+    sections += [(f"detection.sweep.options.{name}", name, given) for name, given in sweep.items()]
     for key, name, options in sections:
         for option in ("root", "whitelist", "limit"):
             if option in options:
                 yield f"{key}.{option}: not among options; set datasets.{name}.{option}"
         if "name" in options:
             yield f"{key}.name: a dataset is called as its section, '{name}'; leave the option out"
+    registry: Registry = REGISTRIES.get("datasets")
+    for name, given in sweep.items():
+        key, kind = f"detection.sweep.options.{name}", config.datasets[name].kind
+        if "images" in given:  # stages depend on the folder that the section names
+            yield f"{key}.images: a sweep takes the pictures of its dataset; set datasets.{name}.options.images"
+        others = [option for option in given if option not in ("root", "whitelist", "limit", "name", "images")]
+        if others and kind in registry.names():
+            try:
+                parameters = inspect.signature(registry.get(kind)).parameters
+            except InputError as error:
+                yield f"{key}: {error}"
+            else:
+                yield from _unknown(key, kind, others, parameters)
 
 
 def _names(config: Any) -> Iterator[str]:

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import math
 import numbers
+from abc import abstractmethod
 from collections import deque
 from dataclasses import dataclass
 from functools import lru_cache
@@ -266,9 +267,9 @@ class IopcPolicy(Policy):
         slack = 2.0**LEVEL_SLACK_STOPS
         return self.performance.darkest_level / slack <= level <= self.performance.level * slack
 
+    @abstractmethod
     def choose(self, frame: Frame) -> Choice:
-        """Settings for the next frame; implemented by each policy."""
-        raise NotImplementedError
+        """Settings for the next frame."""
 
     def candidates(self, frame: Frame) -> Candidates:
         """Every split of the total exposure that the camera accepts, and the settings kept; darker ones if measured.

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from pipeline.datasets.frame import Box, Frame
-from pipeline.datasets.labels import BadLabels, refuse_reversed, tidy
+from pipeline.datasets.labels import BadLabels, refuse_not_finite, refuse_reversed, tidy
 from pipeline.datasets.passed_over import what_lies_there
 from pipeline.datasets.pictures import SUFFIXES, picture_size
 from pipeline.datasets.whitelist import read_whitelist, select
@@ -128,7 +128,8 @@ class Dataset(ABC):
         """A frame whose boxes are clipped to its picture and checked against the dataset's classes."""
         try:
             for box in () if defect else boxes:  # a third party's reader may not have looked
-                refuse_reversed((box.x1, box.y1, box.x2, box.y2), f"labels of {path}")
+                refuse_not_finite(box, f"labels of {path}")
+                refuse_reversed(box.corners, f"labels of {path}")
         except BadLabels as error:
             boxes, defect = (), str(error)
         size_px = picture_size(path) if boxes else None

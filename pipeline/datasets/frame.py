@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from pipeline.errors import InputError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -28,6 +32,16 @@ class Box:
     y2: float
     ignore: bool = False
     visible_fraction: float = float("nan")
+
+    @property
+    def corners(self) -> tuple[float, float, float, float]:
+        """x1, y1, x2, y2, pixels."""
+        return self.x1, self.y1, self.x2, self.y2
+
+    @property
+    def finite(self) -> bool:
+        """Whether all corners are finite numbers."""
+        return all(isinstance(value, Real) and math.isfinite(value) for value in self.corners)
 
     @property
     def width_px(self) -> float:
@@ -62,6 +76,9 @@ class Frame:
         notes: what was mended while reading its labels, one entry per occurrence.
         scene: which scene it shows: frames of one scene are no independent samples, and intervals are drawn over
             scenes. Empty where the frame is the only one of its scene.
+
+    Raises:
+        InputError: a box, as of a third party's reader, has a corner that is no finite number, x2 < x1 or y2 < y1.
     """
 
     dataset: str
@@ -73,6 +90,14 @@ class Frame:
     defect: str = ""
     notes: tuple[str, ...] = ()
     scene: str = ""
+
+    def __post_init__(self) -> None:
+        for box in self.boxes:
+            if not (box.finite and box.x1 <= box.x2 and box.y1 <= box.y2):
+                raise InputError(
+                    f"dataset '{self.dataset}': frame '{self.name}' has a box '{box.label}' with the corners "
+                    f"{' '.join(map(repr, box.corners))}, expected finite pixels x1 y1 x2 y2 with x1 <= x2 and y1 <= y2"
+                )
 
     def image(self) -> np.ndarray:
         """The picture as grey levels: (H, W) float32 in [0, 1]. See `pipeline.datasets.pictures.read_grey`."""

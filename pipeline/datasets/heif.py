@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.datasets.pictures import SMALLEST_PX, WHITE, BadPicture, Picture
+from pipeline.datasets.pictures import AGAIN, SMALLEST_PX, WHITE, BadPicture, Picture
 from pipeline.errors import DECODER_ERRORS
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def read_heif(path: Path, *, smallest_px: int = SMALLEST_PX) -> Heif:
         values = np.array(image)  # a copy: the memory is freed with the picture of libheif
         steps = _display_steps(data)
     except DECODER_ERRORS as error:
-        raise BadPicture(path, f"a HEIF picture that cannot be decoded ({str(error).strip()})") from None
+        raise BadPicture(path, f"a HEIF picture that cannot be decoded ({str(error).strip()}); {AGAIN}") from None
     pixels = values[..., :3] if values.ndim == 3 else values  # with an alpha channel grey comes as colour
     for kind, value in reversed(steps):
         pixels = np.rot90(pixels, -value) if kind == _TURN else np.flip(pixels, axis=value)

@@ -87,6 +87,21 @@ def refuse_reversed(corners: Sequence[float], where: str) -> None:
         )
 
 
+def refuse_not_finite(box: Box, where: str) -> None:
+    """Refuse a corner that is NaN, infinite or no number, as the reader of a third party may give.
+
+    Args:
+        box: as read.
+        where: file, for the message.
+
+    Raises:
+        BadLabels: there is one.
+    """
+    if not box.finite:
+        corners = " ".join(map(repr, box.corners))
+        raise BadLabels(f"{where}: {corners} are no finite numbers; expected corners x1 y1 x2 y2 in pixels")
+
+
 def read_lines(path: Path) -> list[tuple[str, str]]:
     """The non-empty lines of a text file, each with ``"file, line n"`` for messages.
 
@@ -127,19 +142,15 @@ def tidy(
         if inside is None:
             notes.append(OUTSIDE)
             continue
-        key = (inside.label, inside.x1, inside.y1, inside.x2, inside.y2)
+        key = (inside.label, *inside.corners)
         if key in listed:
             notes.append(TWICE)
             continue
         listed.add(key)
-        if not _same(inside, box):
+        if inside.corners != box.corners:
             notes.append(CLIPPED)
         if classes is not None and inside.label not in classes:
             notes.append(UNKNOWN)
             inside = dataclasses.replace(inside, ignore=True)
         kept.append(inside)
     return tuple(kept), tuple(notes)
-
-
-def _same(one: Box, other: Box) -> bool:
-    return (one.x1, one.y1, one.x2, one.y2) == (other.x1, other.y1, other.x2, other.y2)

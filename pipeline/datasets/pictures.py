@@ -45,6 +45,8 @@ FEWER_BITS = (8, 10, 12, 14)
 PNG_END = b"IEND\xaeB`\x82"  # the last chunk with its checksum
 DEFLATE_RATIO = 1032  # PNG's compression cannot shrink data further
 WHITE = (1 << 16) - 1
+AGAIN = "copy or download the file again"
+"""Remedy for a file that is not whole."""
 SMALLEST_PX = 16  # below this neither side holds enough pixels for any filter in this package
 
 _NETPBM = re.compile(rb"P([2356])" + 3 * rb"(?:\s|#[^\r\n]*)+([0-9]+)" + rb"\s")  # width, height, greatest value
@@ -186,7 +188,7 @@ def read_picture(path: str | Path, *, smallest_px: int = SMALLEST_PX) -> Picture
     except OSError as error:
         raise BadPicture(path, f"cannot be read ({error.strerror})") from None
     if not data:
-        raise BadPicture(path, "empty file (0 bytes)")
+        raise BadPicture(path, f"empty file (0 bytes); {AGAIN}")
     picture = _decode(path, data)
     height, width = picture.pixels.shape[:2]
     if min(height, width) < smallest_px:
@@ -221,12 +223,13 @@ def _decode(path: str | Path, data: bytes) -> Picture:
         except UnidentifiedImageError:
             if header is not None:
                 return _read_other_tiff(path, data, header)
-            raise BadPicture(path, "not a picture, or its header is broken") from None
+            raise BadPicture(path, "not a picture, or its header is broken; expected PNG, JPEG or TIFF") from None
         except Image.DecompressionBombError as error:
-            raise BadPicture(path, f"too large ({error})") from None
+            size = str(error).partition(",")[0].lower()  # behind it stands a guess at an attack
+            raise BadPicture(path, f"too large: {size}; cut it into parts") from None
         except DECODER_ERRORS as error:
             defect = "truncated" if "truncated" in str(error).lower() else "cannot be decoded"
-            raise BadPicture(path, f"{defect} ({error})") from None
+            raise BadPicture(path, f"{defect} ({error}); {AGAIN}") from None
 
 
 def open_with_pillow(file: str | Path | IO[bytes], start: bytes) -> Image.Image:
@@ -266,14 +269,15 @@ def _refuse_by_header(
         raise BadPicture(path, "holds signed integers, expected unsigned ones of 8 or 16 bit, or float in [0, 1]")
     pages = getattr(opened, "n_frames", 1)
     if opened.format in _PAGED_FORMATS and pages > 1:
-        raise BadPicture(path, f"holds {pages} pages or frames, expected one")
+        tool = ", for example by tiffsplit" if opened.format == "TIFF" else ""
+        raise BadPicture(path, f"holds {pages} pages or frames, expected one; store each in a file of its own{tool}")
     if opened.format != "PNG":
         return
     if data[12:16] != b"IHDR":
-        raise BadPicture(path, "its PNG header is broken")
+        raise BadPicture(path, f"its PNG header is broken; {AGAIN}")
     expected = opened.height * _png_row_bits(data, opened) // 8
     if expected > DEFLATE_RATIO * len(data):
-        raise BadPicture(path, f"truncated: {len(data)} bytes cannot hold the {expected} its header states")
+        raise BadPicture(path, f"truncated: {len(data)} bytes cannot hold the {expected} its header states; {AGAIN}")
 
 
 def _refuse_incomplete(path: str | Path, data: bytes, opened: Image.Image) -> None:
@@ -285,19 +289,19 @@ def _refuse_incomplete(path: str | Path, data: bytes, opened: Image.Image) -> No
         BadPicture: the padding of a last row, an end marker, a palette or rows are missing.
     """
     if opened.format == "BMP" and len(data) < (size := int.from_bytes(data[2:6], "little")):
-        raise BadPicture(path, f"truncated: {len(data)} bytes, its header states {size}")
+        raise BadPicture(path, f"truncated: {len(data)} bytes, its header states {size}; {AGAIN}")
     if opened.format != "PNG":
         return
     if PNG_END not in data:
-        raise BadPicture(path, "truncated: the PNG end marker is missing")
+        raise BadPicture(path, f"truncated: the PNG end marker is missing; {AGAIN}")
     if opened.mode == "P" and not (opened.palette and opened.palette.palette):
-        raise BadPicture(path, "its colour palette is missing")
+        raise BadPicture(path, f"its colour palette is missing; {AGAIN}")
     if opened.info.get("interlace") or np.asarray(opened)[-1].any():
         return
     expected = opened.height * (1 + (_png_row_bits(data, opened) + 7) // 8)  # each row begins with its filter
     count = _png_pixel_bytes(data)
     if count < expected:
-        raise BadPicture(path, f"truncated: {count} bytes of pixels, its header states {expected}")
+        raise BadPicture(path, f"truncated: {count} bytes of pixels, its header states {expected}; {AGAIN}")
 
 
 def _png_pixel_bytes(data: bytes) -> int:
@@ -368,7 +372,7 @@ def _read_deep(path: str | Path, data: bytes, bits: int, header: tiff.TiffHeader
     finally:
         cv2.utils.logging.setLogLevel(log_level)
     if decoded is None or decoded.dtype == np.uint8:
-        raise BadPicture(path, f"holds values of {bits} bits that cannot be decoded")
+        raise BadPicture(path, f"holds values of {bits} bits that cannot be decoded, expected 8 or 16; {AGAIN}")
     pixels: np.ndarray = decoded if decoded.ndim == 2 else np.ascontiguousarray(decoded[..., 2::-1])  # BGR, BGRA to RGB
     if pixels.dtype != np.uint16:
         return pixels
@@ -390,11 +394,13 @@ def _read_other_tiff(path: str | Path, data: bytes, header: tiff.TiffHeader) -> 
     if not header.grey_or_rgb or header.bits not in depths or header.sample_format == tiff.SIGNED:
         raise BadPicture(path, f"a TIFF file of {words} that is not read, expected 8 or 16 bit, or float in [0, 1]")
     if header.pages:
-        raise BadPicture(path, "holds several pages, expected one")
+        raise BadPicture(path, "holds several pages, expected one; store each in a file of its own")
     if header.end > len(data):
-        raise BadPicture(path, f"truncated: {len(data)} bytes, its header states {header.end}")
-    if header.width * header.height > 2 * (Image.MAX_IMAGE_PIXELS or np.inf):
-        raise BadPicture(path, f"too large ({header.width}x{header.height} px)")
+        raise BadPicture(path, f"truncated: {len(data)} bytes, its header states {header.end}; {AGAIN}")
+    limit = 2 * (Image.MAX_IMAGE_PIXELS or np.inf)
+    if header.width * header.height > limit:
+        size = f"image size ({header.width}x{header.height} px) exceeds limit of {limit} pixels"
+        raise BadPicture(path, f"too large: {size}; cut it into parts")
     pixels = _read_deep(path, data, header.bits, header)
     return _picture(pixels.astype(np.float32) if real else pixels, False, header.bits, header)
 
@@ -422,7 +428,7 @@ def _read_deep_netpbm(path: str | Path, data: bytes) -> Picture | None:
     else:
         values = np.frombuffer(data, ">u2", count=min(count, (len(data) - header.end()) // 2), offset=header.end())
     if len(values) < count:
-        raise BadPicture(path, f"truncated: {len(values)} values, its header states {count}")
+        raise BadPicture(path, f"truncated: {len(values)} values, its header states {count}; {AGAIN}")
     low, high = int(values.min(initial=0)), int(values.max(initial=0))
     if low < 0 or high > maxval:
         raise BadPicture(path, f"values from {low} to {high}, its header states 0 to {maxval}")
@@ -431,7 +437,8 @@ def _read_deep_netpbm(path: str | Path, data: bytes) -> Picture | None:
 
 def _check_range(path: str | Path, pixels: np.ndarray) -> None:
     if not np.isfinite(pixels).all():
-        raise BadPicture(path, f"{int((~np.isfinite(pixels)).sum())} values are NaN or infinite")
+        count = int((~np.isfinite(pixels)).sum())
+        raise BadPicture(path, f"{count} values are NaN or infinite, expected [0, 1]; replace them")
     low, high = float(pixels.min()), float(pixels.max())
     if low < 0 or high > 1:
         raise BadPicture(path, f"float values from {low:g} to {high:g}, expected [0, 1]; rescale or store as integers")

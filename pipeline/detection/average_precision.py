@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
+from numbers import Integral
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -100,7 +101,7 @@ def evaluate(
         iou_threshold: least intersection over union of a right detection, in (0, 1].
         generator: for the bootstrap over images; None leaves the intervals out. Classes draw from it in turn, so that
             each resamples other images; `class_mean` resamples the same.
-        draws: resamples.
+        draws: resamples, at least 1; without effect where there is no generator.
         groups: one word per image; images of one group are no independent samples and are resampled together. None
             resamples images.
 
@@ -108,8 +109,9 @@ def evaluate(
         results by class, in the order of the labels (sorted if None).
 
     Raises:
-        InputError: the two lists differ in length, or an argument is out of range.
+        InputError: the two lists differ in length, or an argument is out of range or of the wrong type.
     """
+    _refuse_text(labels)
     if len(detections) != len(truths):
         raise InputError(f"detections for {len(detections)} images, truth for {len(truths)}; expected as many")
     if rule not in RULES:
@@ -118,6 +120,8 @@ def evaluate(
         raise InputError(f"iou_threshold: expected a number in (0, 1], not {iou_threshold!r}")
     if groups is not None and len(groups) != len(truths):
         raise InputError(f"groups for {len(groups)} images, truth for {len(truths)}; expected as many")
+    if generator is not None and not (isinstance(draws, Integral) and draws >= 1):
+        raise InputError(f"draws: expected a whole number of at least 1, not {draws!r}; generator=None leaves them out")
     if labels is None:
         labels = sorted({str(word) for truth in truths for word in truth.label[~truth.ignore]})
     group_of = np.unique(np.asarray(groups if groups is not None else range(len(truths))), return_inverse=True)[1]
@@ -150,8 +154,10 @@ def mean_over_classes(results: Collection[ClassResult]) -> MeanResult:
         results: at least one, judged with equal generators, so that their draws are of the same images.
 
     Raises:
-        InputError: the draws are of different images.
+        InputError: there is no result, or the draws are of different images.
     """
+    if not results:
+        raise InputError("mean over classes: expected at least one class")
     if len({result.resampled_from for result in results}) > 1:
         labels = ", ".join(result.label for result in results)
         raise InputError(
@@ -192,6 +198,7 @@ def class_mean(
     Raises:
         InputError: see `evaluate`.
     """
+    _refuse_text(labels)
     by_class = [
         evaluate(
             detections, truths, [label], criteria.rule, criteria.iou_threshold, generator(), criteria.bootstrap_draws,
@@ -200,6 +207,12 @@ def class_mean(
         for label in labels
     ]  # fmt: skip
     return mean_over_classes(by_class)
+
+
+def _refuse_text(labels: Iterable[str] | None) -> None:
+    """Refuses one word in place of several: its letters would be taken for classes."""
+    if isinstance(labels, str):
+        raise InputError(f"labels: expected a sequence of classes, as [{labels!r}], not the text {labels!r}")
 
 
 def mean_average_precision(results: Iterable[ClassResult]) -> float:

@@ -64,6 +64,11 @@ class ClassMap:
         )
 
 
+def bare(word: str) -> str:
+    """A word without case and plural, as those that differ in nothing else are mistaken for one another."""
+    return word.casefold().removesuffix("s")
+
+
 CLASS_MAPS: Mapping[str, ClassMap] = {
     "sim": ClassMap({"car": "car", "person": "person"}),
     "kitti": ClassMap(

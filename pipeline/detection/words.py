@@ -6,11 +6,13 @@ called their detections tells, and such an attribute, if there is one, what they
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Collection
 
 import numpy as np
 
 from pipeline.detection import REGISTRY, opened
+from pipeline.detection.classes import bare
 from pipeline.errors import InputError
 
 MOST_WORDS = 8
@@ -32,12 +34,15 @@ def check_words(kind: str, options: str, classes: Collection[str], seen: Collect
         although there are some of other words.
 
     Raises:
-        InputError: this holds for all classes.
+        InputError: this holds for all classes, or a detection has a class's word in another case or number, as `Car`
+            beside `car`: it would be left out.
     """
     labels = getattr(opened(kind, options), "labels", None)
     stated = {str(word) for word in labels} if isinstance(labels, (list, tuple, np.ndarray)) else set()
     known = {*stated, *seen}
     unknown = sorted(set(classes) - known)
+    if len(unknown) < len(set(classes)):
+        _refuse_mistaken(kind, classes, seen, dataset)
     if not unknown or not (REGISTRY.is_builtin(kind) or set(seen) - set(classes)):
         return []
     words = ", ".join(f"'{word}'" for word in sorted(known)[:MOST_WORDS]) + (", ..." if len(known) > MOST_WORDS else "")
@@ -48,6 +53,40 @@ def check_words(kind: str, options: str, classes: Collection[str], seen: Collect
     if len(unknown) == len(set(classes)):
         raise InputError(message)
     return [f"{message}; the average precision of {_either(unknown)} is 0 %"]
+
+
+def warn_of_words(kind: str, options: str, classes: Collection[str], seen: Collection[str], dataset: str) -> bool:
+    """Check as `check_words`, and print its warnings to stderr.
+
+    Args:
+        kind: see `check_words`.
+        options: see there.
+        classes: see there.
+        seen: see there.
+        dataset: see there.
+
+    Returns:
+        whether there were any.
+
+    Raises:
+        InputError: see `check_words`.
+    """
+    warnings = check_words(kind, options, classes, seen, dataset)
+    for warning in warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    return bool(warnings)
+
+
+def _refuse_mistaken(kind: str, classes: Collection[str], seen: Collection[str], dataset: str) -> None:
+    """Refuses detections of a class that would be left out for their case or plural; words of other things are not."""
+    alike = {bare(label): label for label in sorted(classes)}
+    mistaken = {word: alike[bare(word)] for word in sorted(set(seen) - set(classes)) if bare(word) in alike}
+    if mistaken:
+        pairs = ", ".join(f"'{word}' for '{label}'" for word, label in mistaken.items())
+        raise InputError(
+            f"detector '{kind}' on '{dataset}': it calls detections {pairs}, which would be left out; let it call"
+            " all objects of a class by one word, written exactly so (docs/extend.md)"
+        )
 
 
 def _either(words: Collection[str]) -> str:

@@ -169,7 +169,8 @@ class Stages:
                 if not running:
                     return results, failed
                 self._slots.give_all_cores_to_the_last()
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                done = wait(running, return_when=FIRST_COMPLETED).done
+                for future in [each for each in running if each in done]:  # in the order they began, not that of a set
                     stage = running.pop(future)
                     self._slots.leave(stage.addressing)
                     error = future.exception()

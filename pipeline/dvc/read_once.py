@@ -1,8 +1,11 @@
-"""Parameters are parsed and files hashed once, not once per stage that depends on them.
+"""Parameters are parsed, files hashed and stages loaded once, not once per stage that depends on them.
 
 DVC parses all of ``params.yaml`` for every stage, searches it anew for every key, and asks its database for the hash of
 every file for every stage that names it: 68 parses and 6,000 questions for 1,100 files of the smoke graph. Here the
 answer is kept for as long as the file's inode, size and time of change are the same, which DVC's own database goes by.
+
+``dvc repro`` loads all stages of ``dvc.yaml`` twice, to choose those to run and for the graph, and looks up for each of
+their 10,000 files where such a file is stored. Here those of the graph are chosen, and a place is looked up once.
 
 Parsing ``dvc.yaml`` and ``dvc.lock`` is most of what remains of ``dvc status``. What they hold is kept for the next
 call in DVC's folder for temporary files, as JSON with the hash of the text that it was parsed from.
@@ -15,7 +18,7 @@ import copy
 import hashlib
 import json
 import stat
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -146,17 +149,53 @@ def _build(original: Callable[..., Any]) -> Callable[..., Any]:
     return build
 
 
+def _get_cloud_fs(original: Callable[..., Any]) -> Callable[..., Any]:
+    """`dvc.output.get_cloud_fs`, looked up once for all paths of the machine itself; the original for addresses."""
+    known: dict[int, tuple[Any, Any, dict[str, Any]]] = {}
+
+    def get_cloud_fs(repo_config: Any, **options: Any) -> tuple[Any, dict[str, Any], str]:
+        url = options.get("url")
+        if set(options) != {"url"} or not isinstance(url, str) or ":" in url:
+            return original(repo_config, **options)
+        config, cls, settings = known.get(id(repo_config), (None, None, {}))
+        if config is not repo_config or config is None:
+            cls, settings, _ = original(repo_config, url=url)
+            known[id(repo_config)] = repo_config, cls, settings
+        return cls, dict(settings), cls._strip_protocol(url)
+
+    return get_cloud_fs
+
+
+def _collect_stages(original: Callable[..., list[Any]]) -> Callable[..., list[Any]]:
+    """`dvc.repo.reproduce.collect_stages`, with the stages of ``dvc.yaml`` taken from those of the graph."""
+    from dvc.dvcfile import PROJECT_FILE
+
+    def collect_stages(repo: Any, targets: Iterable[str], **options: Any) -> list[Any]:
+        targets = list(targets)
+        if targets == [PROJECT_FILE] and not any(options.values()):
+            path = repo.fs.abspath(PROJECT_FILE)
+            stages = [stage for stage in repo.index.stages if stage.path == path]
+            if stages:
+                return stages
+        return original(repo, targets, **options)
+
+    return collect_stages
+
+
 def install() -> None:
-    """Let DVC in this process read and hash a file again only after a change of it."""
+    """Let DVC in this process read and hash a file again only after a change of it, and load stages once."""
+    from dvc import output
     from dvc.dependency import param
     from dvc.exceptions import NotDvcRepoError
     from dvc.output import Output
-    from dvc.repo import Repo
+    from dvc.repo import Repo, reproduce
     from dvc.utils import serialize, strictyaml
     from dvc.utils.serialize import _yaml
 
     param.read_param_file = _read_param_file(param.read_param_file)
     Output._build = _build(Output._build)
+    output.get_cloud_fs = _get_cloud_fs(output.get_cloud_fs)
+    reproduce.collect_stages = _collect_stages(reproduce.collect_stages)
     with contextlib.suppress(NotDvcRepoError):
         texts = ParsedTexts(Path(Repo.find_root()) / ".dvc/tmp/parsed", serialize.parse_yaml)
         serialize.parse_yaml = strictyaml.parse_yaml = _yaml.parse_yaml = texts.parse

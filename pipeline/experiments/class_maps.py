@@ -8,7 +8,7 @@ from typing import Any
 
 from pipeline.datasets import REGISTRY
 from pipeline.datasets.frame import Box, Frame
-from pipeline.detection.classes import CLASS_MAPS, ClassMap
+from pipeline.detection.classes import CLASS_MAPS, ClassMap, bare
 from pipeline.errors import InputError, did_you_mean
 
 
@@ -99,13 +99,8 @@ def mistaken_words(labels: Iterable[str], kind: str) -> dict[str, str]:
     words = class_map(kind)
     known = {*words.wanted, *words.neighbours}
     defined = known | set(getattr(REGISTRY.get(kind), "classes", None) or ())
-    alike = {_bare(word): word for word in sorted(known)}
-    return {word: alike[_bare(word)] for word in labels if word not in defined and _bare(word) in alike}
-
-
-def _bare(word: str) -> str:
-    """A word without case and plural."""
-    return word.casefold().removesuffix("s")
+    alike = {bare(word): word for word in sorted(known)}
+    return {word: alike[bare(word)] for word in labels if word not in defined and bare(word) in alike}
 
 
 def refuse_mistaken_words(frames: Sequence[Frame], name: str, kind: str) -> None:

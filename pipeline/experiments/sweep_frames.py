@@ -2,7 +2,7 @@
 
 With ``detection.sweep.options`` a reader may give other frames than the index holds, as all moments of *Sim*. The same
 limit, whitelist and largest share of unusable frames hold for them; what the index has set aside stays aside, and a
-frame that is not in the index is set aside where its picture cannot be read.
+frame that is not in the index, as any where there is none, is set aside where its picture cannot be read.
 """
 
 from __future__ import annotations
@@ -42,7 +42,8 @@ def sweep_frames(
         section: ``datasets.<name>`` of the configuration.
         options: ``detection.sweep.options.<name>``: options of its reader that differ, e.g. ``{"moments": "all"}``.
         count: at most this many frames, evenly spread; None takes all.
-        index_folder: where the stage `index` wrote; None where there is no index: the dataset is read anew.
+        index_folder: where the stage `index` wrote; None where there is no index: the dataset is read anew
+            and every picture is decoded.
         run_map: ``run_map(function, items, label=...)``, as `pipeline.executor.run_map`; by default in this process.
 
     Returns:
@@ -67,28 +68,17 @@ def sweep_frames(
     if unseen:
         unreadable = run_map(_why_unreadable, unseen, label=f"frames of {name}")
         reasons |= {frame.name: reason for frame, reason in zip(unseen, unreadable, strict=True)}
-    return evenly_spread(usable_frames(dataset, frames, reasons, section.max_rejected_fraction, set_aside), count)
+    return evenly_spread(_usable(dataset, frames, reasons, section.max_rejected_fraction, set_aside), count)
 
 
-def usable_frames(
+def _usable(
     dataset: Dataset,
     frames: Sequence[Frame],
     reasons: Mapping[str, str],
     max_rejected_fraction: float,
-    known: Collection[str] = (),
+    known: Collection[str],
 ) -> list[Frame]:
-    """Frames that nothing speaks against; the others are named on stderr.
-
-    Args:
-        dataset: theirs.
-        frames: of it.
-        reasons: frame name -> why it is left out, or empty.
-        max_rejected_fraction: largest share that may be left out.
-        known: pictures that were named before, relative to the dataset's folder.
-
-    Raises:
-        InputError: more are left out.
-    """
+    """Frames without a reason against them (by name); the others are named on stderr, but for those named before."""
     inspections = [Inspection(frame, reasons[frame.name], (), None) for frame in frames]
     usable, left_out, _ = gather(dataset, inspections, max_rejected_fraction)
     for row in left_out:

@@ -7,21 +7,21 @@ and the weights by their SHA-256, so that anyone who has them can repeat the num
 
 from __future__ import annotations
 
-import sys
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import store
 from pipeline.curves import directions, precision
-from pipeline.datasets.selection import evenly_spread, scenes_of
-from pipeline.detection.words import check_words
+from pipeline.datasets.selection import scenes_of
+from pipeline.detection.words import warn_of_words
 from pipeline.errors import InputError
+from pipeline.executor import run_map
 from pipeline.experiments import detect, iopc
 from pipeline.experiments.class_maps import class_map, refuse_mistaken_words
 from pipeline.experiments.condition import sweep_kernels
 from pipeline.experiments.summarise import condition_medians
-from pipeline.experiments.sweep_frames import sweep_frames, usable_frames
+from pipeline.experiments.sweep_frames import sweep_frames
 from pipeline.recording.kept_results import Map, keyed
 from pipeline.recording.provenance import blur_weights, inputs_of, noise_weights, write_csv
 from pipeline.report import style
@@ -68,7 +68,7 @@ def record(config: Config, dataset: str, detector: str, out: Path, source: str, 
     }
     detector_sha256 = file_sha256(identifying)
     run_map = keyed(run_map, __name__, {**weights, "detector": detector_sha256})
-    frames = labelled_frames(config, dataset)
+    frames = labelled_frames(config, dataset, run_map)
     table, draws, conditions = _measure(config, dataset, detector, frames, run_map)
     labels = [label for label in draws if (table.loc[table["label"] == label, "objects"] > 0).any()]
     if not labels:
@@ -118,29 +118,24 @@ def _directions(table: pd.DataFrame, draws: dict[str, Any], tolerance: float) ->
     return dict(zip((DIRECTION, SPREAD), directions.of_labels(table, draws, tolerance), strict=True))
 
 
-def labelled_frames(config: Config, dataset: str) -> list[Frame]:
-    """The frames of a dataset that have labels to judge by, as the reader gives them; those left out are named.
+def labelled_frames(config: Config, dataset: str, run_map: Map = run_map) -> list[Frame]:
+    """The frames of a dataset whose pictures can be decoded and whose labels can be read; the others are named.
+
+    Every picture is decoded before anything is measured: a damaged one late in the list would end hours of work.
 
     Args:
         config: with the dataset in it.
         dataset: its name there.
+        run_map: see `pipeline.executor.run_map`; by default in this process.
 
     Returns:
         at most ``detection.sweep.frames``, evenly spread.
 
     Raises:
-        InputError: more of them have none, or broken ones, than the dataset's ``max_rejected_fraction`` allows.
+        InputError: more of them are broken than the dataset's ``max_rejected_fraction`` allows.
     """
-    from pipeline.datasets.open import open_section
-
-    section, count = config.datasets[dataset], config.detection.sweep.frames
-    options = config.detection.sweep.options.get(dataset)
-    if not options:
-        opened = open_section(dataset, section)
-        frames = opened.frames()
-        by_labels = {frame.name: frame.defect for frame in frames}
-        return evenly_spread(usable_frames(opened, frames, by_labels, section.max_rejected_fraction), count)
-    return sweep_frames(dataset, section, options, count, None)
+    sweep = config.detection.sweep
+    return sweep_frames(dataset, config.datasets[dataset], sweep.options.get(dataset, {}), sweep.frames, None, run_map)
 
 
 def _measure(
@@ -171,8 +166,7 @@ def _measure(
     classes, options = tuple(words.classes), detect.options_of(section)
     one = detect.Sweep(section.kind, options, classes, shape.noise_source, levels, camera, config.seed)
     result = run_map(partial(_look, one), work, label=f"{detector} on {dataset}")
-    for warning in check_words(section.kind, options, classes, detect.words_of(result), dataset):
-        print(f"warning: {warning}", file=sys.stderr)
+    warn_of_words(section.kind, options, classes, detect.words_of(result), dataset)
     detections, looked = detect.tables(work, result, one, scenes)
     table, draws = precision.average_precision(
         detections, looked, detect.objects(frames, words), conditions, classes, criteria, config.seed

@@ -43,7 +43,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import pandas as pd
 
@@ -51,9 +51,12 @@ from pipeline.errors import InputError, did_you_mean
 from pipeline.report.display_names import NAMES, in_order, listing, word
 from pipeline.report.figures import grid
 from pipeline.report.sections import description
-from pipeline.report.spec import Block, Figure, Run, Section, missing
+from pipeline.report.spec import Block, Figure, Run, Section, missing, of_benchmark
 from pipeline.report.style import Drawing, Look
 from pipeline.report.tables import Cell, Column, Row, Table, estimate, ordered, pivot, records
+
+if TYPE_CHECKING:
+    from pipeline.report.inputs import Benchmark, ReportInputs
 
 Cells = dict[str, Callable[[Row], Cell]]
 """Column -> what makes its cells from a row."""
@@ -131,6 +134,30 @@ class Descriptions:
         text = [*([filled(about["text"], words)] if "text" in about else []), *text]
         shown = [*(block for block in blocks if block is not None), *missing(about["title"], runs)]
         return Section(key, about["title"], text, shown, runs, findings)
+
+    def of_benchmarks(
+        self, inputs: ReportInputs, benchmarks: Iterable[tuple[str, Benchmark, Callable[[Any], Sequence[Table]]]]
+    ) -> Section | None:
+        """A section of tables that benchmarks have recorded.
+
+        Args:
+            inputs: of the report.
+            benchmarks: of each its line in the overview, its record, and what makes tables of this.
+
+        Returns:
+            the section; None where there is no record at all.
+
+        Raises:
+            InputError: as `ReportInputs.benchmark`.
+        """
+        blocks, runs = list[Table](), list[Run]()
+        for title, benchmark, made in benchmarks:
+            tables = inputs.benchmark(benchmark, made)
+            if tables is not None:
+                recorded, run = of_benchmark(title, benchmark, tables)
+                blocks += recorded
+                runs.append(run)
+        return self.section(blocks, runs) if blocks else None
 
     def text(self, key: str, **words: Any) -> str:
         """A paragraph.

@@ -21,7 +21,6 @@ ARRAYS = frozenset({"condition", "boxes", "score", "label", "true_sigma", "sigma
 def run(run: Run) -> None:
     """Detect and estimate in every view under every condition; write surfaces of each fold, of the others, of all."""
     import json
-    import sys
     from functools import partial
 
     import pandas as pd
@@ -33,7 +32,7 @@ def run(run: Run) -> None:
     from pipeline.control.views import folds, views
     from pipeline.detection.checkpoint import clear
     from pipeline.detection.classes import CLASS_MAPS
-    from pipeline.detection.words import check_words
+    from pipeline.detection.words import warn_of_words
 
     params, section = run.params, run.params.control
     detector = params.detection.detectors[section.detector]
@@ -56,8 +55,7 @@ def run(run: Run) -> None:
     criteria = params.detection.evaluation
     words = {str(label) for part in measured.values() for label in part["label"]}
     classes = CLASS_MAPS["sim"].classes
-    for warning in check_words(detector.kind, json.dumps(options, sort_keys=True), classes, words, "sim"):
-        print(f"warning: {warning}", file=sys.stderr)
+    warn_of_words(detector.kind, json.dumps(options, sort_keys=True), classes, words, "sim")
     rows = []
     with store.replacing_folder(run.outputs / "data/control_surface") as out:
         for name, chosen in measured_surface.fold_sets(len(every)).items():

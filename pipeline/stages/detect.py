@@ -20,7 +20,6 @@ ARRAYS = frozenset({"level", "boxes", "score", "label", "other"})
 @stage("detect", reads=READS, job=["dataset", "detector"], uses=USES)
 def run(run: Run) -> None:
     """Detect in every frame behind every kernel; write detections, what was looked at, and what is to be found."""
-    import sys
     from functools import partial
 
     from pipeline import store
@@ -28,7 +27,7 @@ def run(run: Run) -> None:
     from pipeline.config.hydra_plugins.plug_in_sources import digest
     from pipeline.datasets.selection import scenes_of
     from pipeline.detection import checkpoint
-    from pipeline.detection.words import check_words
+    from pipeline.detection.words import warn_of_words
     from pipeline.experiments import detect
     from pipeline.experiments.class_maps import class_map, refuse_mistaken_words
     from pipeline.experiments.condition import sweep_kernels
@@ -65,11 +64,11 @@ def run(run: Run) -> None:
     key = checkpoint.fingerprint((detect.__name__, "pipeline.datasets.frame"), about_run, section.kind)
     folder = run.inputs / ".cache/detect" / key
     work = [(frame, kernel) for frame in frames for kernel in blurs]
-    check = partial(check_words, section.kind, sweep.options, sweep.classes, dataset=dataset)
-    warnings = check(())  # at once, of a detector that states its words
+    warn = partial(warn_of_words, section.kind, sweep.options, sweep.classes, dataset=dataset)
+    warned = warn(())  # at once, of a detector that states its words
     result = run.map(partial(detect_frame, sweep=sweep, folder=folder), work, f"{name} on {dataset}")
-    for warning in warnings or check(detect.words_of(result)):
-        print(f"warning: {warning}", file=sys.stderr)
+    if not warned:
+        warn(detect.words_of(result))
     detections, looked = detect.tables(work, result, sweep, scenes_of(frames))
     with store.replacing_folder(run.outputs / f"data/detect/{dataset}-{name}") as out:
         store.write_table(out / "detections.parquet", detections, detect.DETECTIONS)

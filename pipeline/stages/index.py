@@ -50,12 +50,14 @@ def run(run: Run) -> None:
         store.write_arrays(folder / "samples.npz", **{f"frame_{f.name}": to_8bit(f.image()) for f in shown})
         # What stages that depend on this index read of the dataset itself: an edit of it must run them again.
         store.write_json(folder / "manifest.json", content_of(result.usable))
-        if options := params.detection.sweep.options.get(name):
-            more = with_options(name, params.datasets[name], options)
+        sweep_options = params.detection.sweep.options.get(name, {})
+        if sweep_options:
+            more = with_options(name, params.datasets[name], sweep_options)
             store.write_json(folder / "detection_manifest.json", content_of(more))
         source = digest("pipeline.datasets", params.datasets[name].kind)
         if source is not None:  # a third party's reader, which all that depends on this index executes
-            source = with_files(source, params.datasets[name].options)  # it may read scenes out of a file
+            options = {**params.datasets[name].options, "detection.sweep.options": sweep_options}
+            source = with_files(source, options)  # it may read scenes out of a file
             store.write_json(folder / "reader.json", {"package_sha256": source})
     patches = result.patches.groupby("purpose").size()
     store.write_json(

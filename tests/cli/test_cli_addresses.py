@@ -55,12 +55,22 @@ def test_the_password_of_an_address_is_in_no_line(monkeypatch):
     assert done.exit_code == 0 and "secret" not in done.output and '"source": "rtsp://camera/1"' in done.output
 
 
-@pytest.mark.parametrize("address", ["rtsp://me:secret@camera/1", "rtsp://camera/?user=me&password=secret"])
+ADDRESSES = ["rtsp://me:secret@camera/1", "rtsp://camera/?user=me&password=secret", "rtsp:/me:secret@camera/1"]
+
+
+@pytest.mark.parametrize("address", ADDRESSES)
 @pytest.mark.parametrize("command", [["health"], ["noise"], ["health", "a.png", "--out"]])
 def test_commands_that_take_files_refuse_an_address_without_its_password(command, address):
     done = CliRunner().invoke(main, [*command, address])
     assert done.exit_code == 2 and "secret" not in done.output
     assert "an address; name a file or folder. camera-monitor watch reads streams" in done.output
+
+
+@pytest.mark.parametrize("address", ADDRESSES)
+@pytest.mark.parametrize("command", [[], ["dataset"], ["record"], ["watch", "0", "--rate"], ["noise", ".", "--noise"]])
+def test_an_address_in_another_place_of_a_command_is_in_its_error_without_its_password(command, address):
+    done = CliRunner().invoke(main, [*command, address])
+    assert done.exit_code == 2 and "camera/" in done.output and "secret" not in done.output
 
 
 def test_an_address_of_one_slash_is_refused_without_its_password():

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import composed
 import pytest
+from plug_in_makers import plug_in
 from yolox_makers import tiny_yolox, weights_apart
 
 from pipeline import yaml_text
@@ -101,6 +102,28 @@ def test_a_file_that_options_name_changes_the_hash_of_its_member_alone(
     assert len(hashed) == 3
 
 
+def test_a_file_that_only_options_of_a_sweep_name_changes_the_hash_of_their_dataset(
+    package: Path, tmp_path: Path
+) -> None:
+    """One that both name counts for both."""
+    words, scenes = tmp_path / "words.txt", tmp_path / "scenes.txt"
+    section = "kind: drives, root: /drives, dvc_dependency: /drives"
+    given = [
+        f'+datasets.mine={{{section}, options: {{words: "{words}"}}}}', f"+datasets.other={{{section}}}",
+        f'+detection.sweep.options.mine={{words: "{scenes}", moments: all}}',
+    ]  # fmt: skip
+    hashed, other = set(), set()
+    for path in (tmp_path, words, scenes):
+        if path is not tmp_path:
+            path.write_text("car")
+        datasets = compiled(*given)["plug_ins"]["datasets"]
+        hashed.add(datasets["mine"])
+        other.add(datasets["other"])
+    scenes.write_text("person")
+    hashed.add(compiled(*given)["plug_ins"]["datasets"]["mine"])
+    assert len(hashed) == 4 and other == {digest("pipeline.datasets", "drives")}
+
+
 def test_other_files_of_a_package_do_not_change_its_hash_and_names_do(package: Path) -> None:
     before = digest("pipeline.noise", "columns")
     (package / "notes.txt").write_text("nothing that is executed")
@@ -152,6 +175,18 @@ def test_another_file_behind_an_option_changes_what_its_stages_depend_on(tmp_pat
     weights.write_bytes(b"second")
     after = compiled(given)["option_files"]
     assert after["blur"]["mine"] != before["blur"]["mine"] and after["noise"] == before["noise"]
+
+
+@pytest.mark.usefixtures("at_top")
+def test_an_option_that_a_policy_of_ones_own_does_not_take_is_refused_when_compiling(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = "class Shorter:\n    def __init__(self, camera, performance, factor=0.5): ...\n"
+    plug_in(tmp_path, monkeypatch, "shortening_policy", text, control="shorter = shortening_policy:Shorter")
+    for given, words in (("facto", "did you mean 'factor'"), ("camera", "known: factor")):
+        override = f"+control.policies.mine={{kind: shorter, options: {{{given}: 1}}}}"
+        with pytest.raises(InputError, match=f"control.policies.mine.options.{given}: unknown option .*{words}"):
+            check_references(parse(compose([override]), "conf/"))
 
 
 @pytest.mark.usefixtures("at_top")

@@ -46,6 +46,8 @@ def at_top(monkeypatch):
         (["+real_noise.estimators.pca.per_frame=2"], ["real_noise.estimators.pca.per_frame"]),
         (["+detection.sweep.options.simm.limit=2"], ["detection.sweep.options", "did you mean 'sim'"]),
         (["+detection.sweep.options.sim.limit=2"], ["detection.sweep.options.sim.limit", "set datasets.sim.limit"]),
+        (["+detection.sweep.options.sim.momnts=all"], ["sweep.options.sim.momnts: unknown option", "mean 'moments'"]),
+        (["+detection.sweep.options.photos.images=data"], ["photos.images: ", "set datasets.photos.options.images"]),
         (["+datasets.sim.options.name=x"], ["datasets.sim.options.name", "called as its section, 'sim'"]),
         (["detection.measure.mtf=spectrall"], ["detection.measure.mtf", "did you mean 'spectral'"]),
         (["control.camera.sensor=papre"], ["control.camera.sensor", "did you mean 'paper'"]),

@@ -87,7 +87,7 @@ def test_a_file_that_ends_early_is_refused(tmp_path, share):
     data = heic(SCENE)
     (tmp_path / "a.heic").write_bytes(data[: max(round(share * len(data)), 12)])
     assert is_heif(tmp_path / "a.heic")
-    with pytest.raises(BadPicture, match=r"a\.heic: a HEIF picture that cannot be decoded \(.+\)$"):
+    with pytest.raises(BadPicture, match=r"a\.heic: a HEIF picture that cannot be decoded \(.+\); copy .* again$"):
         read_heif(tmp_path / "a.heic")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 
 import pytest
 from data_makers import make_folder, make_kitti, make_sim, make_udacity
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 
 from pipeline import datasets
 from pipeline.datasets.folder import Folder, read_box_labels
-from pipeline.datasets.frame import Box
+from pipeline.datasets.frame import Box, Frame
 from pipeline.datasets.labels import EMPTY, NO_BOX, NO_ROW, TWICE, BadLabels, tidy
 from pipeline.datasets.whitelist import read_whitelist, select
 from pipeline.errors import InputError
@@ -129,6 +130,26 @@ def test_a_reader_of_a_third_party_may_not_give_reversed_corners_either(tmp_path
     bad, good = Reversed("mine", make_folder(tmp_path)).frames()
     assert bad.boxes == () and "frame-0.png: 200 30 60 90 has x2 < x1" in bad.defect
     assert len(good.boxes) == 1 and good.defect == ""
+
+
+WRONG_CORNERS = [(math.nan, 0, 9, 9), (0, 0, math.inf, 9), ("1", 0, 9, 9), (None, 0, 9, 9), (9, 0, 1, 9)]
+
+
+@pytest.mark.parametrize("corners", WRONG_CORNERS)
+def test_wrong_corners_of_a_third_partys_reader_name_the_frame(corners, tmp_path):
+    class Tidied(Folder):
+        def _read(self):
+            yield self._frame(self.images / "frame-0.png", [Box("car", *corners)])
+
+    class Plain(Folder):
+        def _read(self):
+            yield Frame("mine", "frame-1", self.images / "frame-1.png", (Box("car", *corners),))
+
+    (frame,) = Tidied("mine", make_folder(tmp_path)).frames()
+    written = " ".join(map(repr, corners))
+    assert frame.boxes == () and f"frame-0.png: {written} " in frame.defect and "expected corners" in frame.defect
+    with pytest.raises(InputError, match=f"'mine': frame 'frame-1' has a box 'car' with the corners {written}, exp"):
+        Plain("mine", tmp_path).frames()
 
 
 def test_a_byte_order_mark_is_not_part_of_the_first_word(tmp_path):

@@ -212,10 +212,30 @@ def test_loss_of_the_last_bytes_is_noticed(tmp_path, file_format, image, lost):
         read_grey(path)
 
 
-def test_broken_files_say_why(tmp_path):
+def test_broken_files_say_why_and_how_to_mend_it(tmp_path):
+    second = {"save_all": True, "append_images": [Image.fromarray(COLOUR)]}
     cases = {
-        "empty.png": (b"", "empty file (0 bytes)"),
-        "text.png": (b"this is no picture at all", "not a picture"),
+        "empty.png": (b"", "empty file (0 bytes); copy or download the file again"),
+        "cut.bmp": (
+            encoded(GREY, "BMP")[:-99],
+            "truncated (image file is truncated (29 bytes not processed)); copy or download the file again",
+        ),
+        "text.png": (
+            b"this is no picture at all",
+            "not a picture, or its header is broken; expected PNG, JPEG or TIFF",
+        ),
+        "pages.tif": (
+            encoded(GREY, "TIFF", **second),
+            "expected one; store each in a file of its own, for example by t",
+        ),
+        "frames.gif": (
+            encoded(GREY, "GIF", **second),
+            "2 pages or frames, expected one; store each in a file of its own",
+        ),
+        "vast.png": (
+            png(GREY, 3_000_000),
+            "too large: image size (183000000 pixels) exceeds limit of 178956970 pixels; cut it into parts",
+        ),
         "small.png": (encoded(GREY[:9, :], "PNG"), "too small: 61x9 px"),
     }
     for name, (content, reason) in cases.items():

@@ -10,10 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from control_makers import judged_with
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.detection.average_precision import evaluate, mean_average_precision, mean_over_classes
+from pipeline.detection.average_precision import class_mean, evaluate, mean_average_precision, mean_over_classes
 from pipeline.detection.base import Detections
 from pipeline.detection.matching import GroundTruth
 from pipeline.errors import InputError
@@ -371,3 +372,12 @@ def test_wrong_arguments_are_named() -> None:
         evaluate([], [], rule="voc")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="iou_threshold"):
         evaluate([], [], iou_threshold=0.0)
+    with pytest.raises(InputError, match=r"labels: expected a sequence of classes, as \['car'\], not the text 'car'"):
+        evaluate([], [], "car")
+    with pytest.raises(InputError, match="labels: expected a sequence"):
+        class_mean([], [], "car", judged_with(), lambda: stream(0, "bootstrap"), [])
+    with pytest.raises(InputError, match="mean over classes: expected at least one class"):
+        mean_over_classes([])
+    for draws in (0, -1, 2.5):
+        with pytest.raises(InputError, match="draws: expected a whole number of at least 1, not"):
+            evaluate([], [], generator=stream(0, "bootstrap"), draws=draws)  # type: ignore[arg-type]

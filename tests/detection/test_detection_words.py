@@ -51,6 +51,14 @@ def test_a_third_partys_detector_of_none_of_the_classes_is_refused(stating: Any)
         check_words("mine", "{}", CLASSES, many, "drives")
 
 
+@pytest.mark.parametrize("word", ["Car", "cars", "CAR"])
+def test_a_class_in_another_case_or_number_beside_itself_is_refused(stating: Any, word: str) -> None:
+    for seen in ([word, "car", "person"], [word, "person"]):
+        with pytest.raises(InputError, match=f"'mine' on 'drives': it calls detections '{word}' for 'car', which"):
+            check_words("mine", "{}", CLASSES, seen, "drives")
+    assert check_words("mine", "{}", (*CLASSES, word), [word, "car", "person"], "drives") == []  # a class as well
+
+
 def test_words_that_a_third_partys_detector_states_excuse_it_and_never_accuse(stating: Any) -> None:
     """Few frames may show buses alone; an attribute of that name may be anything."""
     stating(labels=["car", "person", "bus"])

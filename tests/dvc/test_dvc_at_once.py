@@ -15,8 +15,10 @@ import pytest
 import yaml
 from interrupts import heed_interrupts
 
+from pipeline.dvc import at_once as parallel
 from pipeline.dvc import preloaded
 from pipeline.dvc.at_once import stages_at_once, startable
+from pipeline.dvc.lock_file import LockFileWriter
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests/recorder"))
@@ -290,6 +292,23 @@ def test_stages_begin_in_order_behind_their_dependencies_and_checks():
     assert startable([b, c, d], [check], {a}, upstream) == []
     assert startable([b, c, d], [], {a, check}, upstream) == [b, c]
     assert startable([d], [c], {a, b, check}, upstream) == [d]
+
+
+def test_of_stages_that_fail_together_the_first_is_named(monkeypatch, tmp_path):
+    class Node(SimpleNamespace):
+        __hash__ = object.__hash__
+
+    def fail(stage):
+        raise ValueError(stage.addressing)
+
+    real = parallel.wait
+    monkeypatch.setattr(parallel, "wait", lambda running, return_when: real(running))
+    nodes = [Node(addressing=f"stage-{number}", outs=["a"]) for number in range(8)]
+    for _ in range(5):
+        stages = parallel.Stages(LockFileWriter(lambda *lock, **options: None), tmp_path / "params.yaml")
+        stages._slots.count = len(nodes)
+        _, failed = stages._run_all(nodes, {node: set() for node in nodes}, fail)
+        assert failed is not None and failed[1] is nodes[0]
 
 
 SLEEPING = """

@@ -8,6 +8,7 @@ import pytest
 import yaml
 from dvc.dependency.param import read_param_file
 from dvc.repo import Repo
+from dvc.stage.exceptions import StageFileDoesNotExistError
 from dvc.utils.serialize import parse_yaml
 
 from pipeline.dvc import read_once
@@ -119,3 +120,58 @@ def test_what_json_cannot_hold_is_parsed_each_time(tmp_path):
         content = read_once.ParsedTexts(tmp_path / "parsed", parse_yaml).parse(text, "dvc.lock")
         assert content == parse_yaml(text, "dvc.lock")
     assert not (tmp_path / "parsed").exists()
+
+
+STAGES = """
+stages:
+  first: {cmd: "echo 1 > first", deps: [given], params: [n], outs: [first]}
+  many:
+    matrix: {n: [1, 2]}
+    cmd: echo ${item.n} > many-${item.n}
+    deps: [first]
+    outs: ["many-${item.n}"]
+"""
+
+
+def test_stages_and_places_of_files_are_those_of_dvc(tmp_path, monkeypatch):
+    """Whatever the targets; without a ``dvc.yaml`` the error is that of DVC."""
+    from dvc import output
+    from dvc.repo import reproduce
+
+    (tmp_path / "dvc.yaml").write_text(STAGES)
+    (tmp_path / "params.yaml").write_text("n: 1")
+    monkeypatch.chdir(tmp_path)
+    collected = read_once._collect_stages(reproduce.collect_stages)
+    looked_up = []
+
+    def get_cloud_fs(config, **options):
+        looked_up.append(options)
+        return original(config, **options)
+
+    original = output.get_cloud_fs
+    monkeypatch.setattr(output, "get_cloud_fs", read_once._get_cloud_fs(get_cloud_fs))
+    for targets in (["dvc.yaml"], ["many"], ["many@1", "first"]):
+        quick = collected(Repo.init(tmp_path, no_scm=True, force=True), targets, recursive=False, glob=False)
+        assert len(looked_up) == 1
+        monkeypatch.setattr(output, "get_cloud_fs", original)
+        plain = reproduce.collect_stages(Repo(tmp_path), targets)
+        monkeypatch.setattr(output, "get_cloud_fs", read_once._get_cloud_fs(get_cloud_fs))
+        looked_up.clear()
+        assert [stage.addressing for stage in quick] == [stage.addressing for stage in plain]
+        for ours, theirs in zip(quick, plain, strict=True):
+            assert [entry.fs_path for entry in ours.deps] == [entry.fs_path for entry in theirs.deps]
+            assert [entry.def_path for entry in ours.outs] == [entry.def_path for entry in theirs.outs]
+            assert {type(entry.fs) for entry in ours.deps} == {type(entry.fs) for entry in theirs.deps}
+    (tmp_path / "dvc.yaml").unlink()
+    with pytest.raises(StageFileDoesNotExistError):
+        collected(Repo(tmp_path), ["dvc.yaml"])
+
+
+def test_addresses_are_looked_up_each_time():
+    asked = []
+    quick = read_once._get_cloud_fs(lambda config, **options: asked.append(options) or ("class", {}, "path"))
+    config = {"core": {}}
+    for _ in range(2):
+        assert quick(config, url="s3://bucket/a") == ("class", {}, "path")
+        quick(config, url="a", version_aware=True)
+    assert len(asked) == 4

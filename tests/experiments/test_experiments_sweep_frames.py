@@ -157,6 +157,10 @@ def test_another_file_or_value_of_a_readers_option_begins_a_killed_sweep_anew(
         config.detection.sweep.options["folder"] = {"power": 2}
     else:
         paths[edited].write_text("0.25")
+    reader = tmp_path / "data/index/folder/reader.json"
+    before = reader.read_bytes()
+    index.run.run(config, {"dataset": "folder"}, tmp_path, tmp_path)
+    assert (reader.read_bytes() == before) is (edited == "value")  # stages that depend on the index notice a file
     detect.run.run(config, job, tmp_path, tmp_path)
     table = store.read_table(tmp_path / "data/detect/folder-tiny/detections.parquet", sweep.DETECTIONS)
     assert len(made) == 3 and made[1] == pytest.approx(made[0] / 2)

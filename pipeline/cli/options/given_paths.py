@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from pipeline.cli.addresses import ADDRESS_MARK, without_credentials
+from pipeline.cli.addresses import ADDRESS_MARK, begins_as_address, without_credentials
 
 
 class GivenPath(click.Path):
@@ -23,7 +23,7 @@ class GivenPath(click.Path):
         """The path, or a usage error where it is empty or an address."""
         if not str(value):
             self.fail("the path is empty; name a file or folder, . for the current folder.", param, ctx)
-        if ADDRESS_MARK in str(value) and not Path(value).exists():
+        if (ADDRESS_MARK in str(value) or begins_as_address(str(value))) and not Path(value).exists():
             address = without_credentials(str(value))
             self.fail(f"{address}: an address; name a file or folder. camera-monitor watch reads streams.", param, ctx)
         return super().convert(value, param, ctx)

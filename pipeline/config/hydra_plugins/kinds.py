@@ -5,7 +5,8 @@ them; ``${names_of_other_kind:...}`` of none of them. ``${dependencies_of_kind:d
 to the file that their stage `detector` depends on, ``${dependencies_of_datasets:datasets}`` to those of `index`.
 ``${dependency_folder:...}`` is a folder, or `NO_DATA` where it is null. ``${sources_of_plug_ins:noise.estimators,
 pipeline.noise}`` maps the names whose ``kind`` a third party registers to the SHA-256 of its source and of files that
-their options name, ``${files_of_options:noise.estimators}`` names to the SHA-256 of such files, as of weights.
+their options name, or further options by the same names below a third path; ``${files_of_options:noise.estimators}``
+maps names to the SHA-256 of such files, as of weights.
 `pipeline.config.compose` imports this file; DVC loads it as a Hydra plugin (``hydra.plugins_path`` in ``.dvc/config``),
 so it imports nothing of the package but the files beside it.
 """
@@ -93,16 +94,21 @@ def dependencies_of_datasets(path: str, *, _root_: Any) -> DictConfig:
     )
 
 
-def sources_of_plug_ins(path: str, group: str, *, _root_: Any) -> DictConfig:
+def sources_of_plug_ins(path: str, group: str, more: str = "", *, _root_: Any) -> DictConfig:
     """Names of the members of a section that are a third party's, with the SHA-256 of its source and option files.
 
     Args:
         path: of the section, or of a value that is itself a registry name.
         group: entry point group of the registry.
+        more: path of further options by the same names, as ``detection.sweep.options`` of datasets; empty for none.
     """
     section = OmegaConf.select(_root_, path)
+    further = OmegaConf.select(_root_, more) if more else None
     members = section if isinstance(section, DictConfig) else OmegaConf.create({str(section): {"kind": section}})
-    kinds = [(str(name), str(_value(member, "kind")), _options(member)) for name, member in members.items()]
+    kinds = [
+        (str(name), str(_value(member, "kind")), {**_options(member), more: _content(_value(further, str(name)))})
+        for name, member in members.items()
+    ]
     sources = digests(group, {kind for _, kind, _ in kinds})
     return OmegaConf.create(
         {name: with_files(sources[kind], options) for name, kind, options in kinds if kind in sources}
@@ -116,7 +122,10 @@ def files_of_options(path: str, *, _root_: Any) -> DictConfig:
 
 
 def _options(member: Any) -> dict[str, Any]:
-    options = _value(member, "options")
+    return _content(_value(member, "options"))
+
+
+def _content(options: Any) -> dict[str, Any]:
     content: Any = OmegaConf.to_container(options, resolve=True) if isinstance(options, DictConfig) else {}
     return dict(content)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.inputs import Benchmark, ReportInputs
-from pipeline.report.spec import Section, of_benchmark
+from pipeline.report.spec import Section
 from pipeline.report.tables import Estimate, Table
 
 PAGE = Descriptions("frame_ranking")
@@ -31,11 +31,7 @@ def ranking(record: Mapping[str, Any]) -> Table:
 
 def section(inputs: ReportInputs) -> Section | None:
     """The section (``benchmarks/results/flags.json``), or None without a record; errors of `ReportInputs.benchmark`."""
-    table = inputs.benchmark(FLAGS, ranking)
-    if table is None:
-        return None
-    tables, run = of_benchmark(TITLE, FLAGS, [table])
-    return PAGE.section(tables, [run])
+    return PAGE.of_benchmarks(inputs, [(TITLE, FLAGS, lambda record: [ranking(record)])])
 
 
 def _cell(entry: dict[str, Any]) -> Estimate:

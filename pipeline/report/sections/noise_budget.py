@@ -7,7 +7,7 @@ from typing import Any
 
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.inputs import Benchmark, ReportInputs
-from pipeline.report.spec import Section, of_benchmark
+from pipeline.report.spec import Section
 from pipeline.report.tables import Table
 
 PAGE = Descriptions("noise_budget")
@@ -32,11 +32,7 @@ def departures(record: Mapping[str, Any]) -> Table:
 
 def section(inputs: ReportInputs) -> Section | None:
     """The section, or None without a record; errors of `ReportInputs.benchmark`."""
-    table = inputs.benchmark(BUDGETS, departures)
-    if table is None:
-        return None
-    tables, run = of_benchmark(TITLE, BUDGETS, [table])
-    return PAGE.section(tables, [run])
+    return PAGE.of_benchmarks(inputs, [(TITLE, BUDGETS, lambda record: [departures(record)])])
 
 
 def _cell(name: str, value: float | None) -> float | None:

@@ -11,7 +11,7 @@ from typing import Any
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import DATASETS, in_order, word
 from pipeline.report.inputs import Benchmark, ReportInputs
-from pipeline.report.spec import Run, Section, of_benchmark
+from pipeline.report.spec import Section
 from pipeline.report.tables import Table
 
 PAGE = Descriptions("real_blur")
@@ -106,18 +106,12 @@ def section(inputs: ReportInputs) -> Section | None:
 
     Errors of `ReportInputs.benchmark`.
     """
-    blocks, runs = list[Table](), list[Run]()
-    for title, benchmark, shown in (
+    benchmarks = (
         ("Blur of real pictures", REAL, _real),
         ("Blur under strong noise", NOISY, lambda record: [strong_noise(record)]),
         ("Blur of other frames of a calibrated camera", OTHER, lambda record: [other_frames(record)]),
-    ):
-        tables = inputs.benchmark(benchmark, shown)
-        if tables is not None:
-            recorded, run = of_benchmark(title, benchmark, tables)
-            blocks += recorded
-            runs.append(run)
-    return PAGE.section(blocks, runs) if blocks else None
+    )
+    return PAGE.of_benchmarks(inputs, benchmarks)
 
 
 def _real(record: Mapping[str, Any]) -> list[Table]:

@@ -268,7 +268,7 @@ def test_videos_and_files_that_stay_empty_are_reported_once_each(tmp_path):
     (tmp_path / "loop.png").symlink_to(tmp_path / "loop.png")
     problems = [frame.problem for frame in (next(source) for _ in range(12)) if frame.problem]
     assert problems[0].startswith(f"{tmp_path / 'v.avi'}: a video; of a folder only pictures are watched")
-    assert problems[1:] == [f"{tmp_path / 'begun.png'}: empty file (0 bytes)"]
+    assert problems[1:] == [f"{tmp_path / 'begun.png'}: empty file (0 bytes); copy or download the file again"]
     cv2.imwrite(str(tmp_path / "begun.png"), picture("begun", 224, 208))
     assert looks(source, 3) == ["", "begun.png", ""]
 
