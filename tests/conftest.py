@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import gc
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # one thread per test process, as in the pipeline's workers; before NumPy loads
 
+import parsed_once  # noqa: E402
 import pytest  # noqa: E402
 from hypothesis import HealthCheck, settings  # noqa: E402
 
@@ -29,6 +31,8 @@ LONGEST = (
 """The longest files: begun first, so that with several workers none of them runs alone at the end."""
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+parsed_once.install()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -57,3 +61,12 @@ def shared() -> Path:
     if not SHARED.is_dir():
         pytest.skip("reference data absent: ../shared is not beside the checkout")
     return SHARED
+
+
+@pytest.fixture(scope="module")
+def remembered_compositions() -> Iterator[None]:
+    """Within a module, `composed.remembered`."""
+    import composed  # which imports much that other tests need not
+
+    with composed.remembered():
+        yield

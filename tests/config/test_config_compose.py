@@ -15,6 +15,7 @@ from pipeline.config.compose import compile_params, compose, load, parse
 from pipeline.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
+pytestmark = pytest.mark.usefixtures("remembered_compositions")
 CONF = ROOT / "conf"
 GROUPS = {
     folder.relative_to(CONF).as_posix(): sorted(path.stem for path in folder.glob("*.yaml"))
