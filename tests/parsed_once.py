@@ -21,4 +21,4 @@ def install() -> None:
             parsed[text] = load(io.StringIO(text))
         return copy.deepcopy(parsed[text])
 
-    OmegaConf.load = staticmethod(loaded)  # type: ignore[method-assign]
+    OmegaConf.load = staticmethod(loaded)  # type: ignore[method-assign, assignment]
