@@ -25,6 +25,8 @@ from pipeline.cli.outputs import LIST_NAME, OutputError, OutputFolder, RowFile, 
 
 FULL_DISK = Path("/dev/full")
 
+pytestmark = pytest.mark.usefixtures("plain_pictures")
+
 
 def call(*arguments):
     return CliRunner().invoke(main, [str(argument) for argument in arguments])
