@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import gc
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # one thread per test process, as in the pipeline's workers; before NumPy loads
 
+import parsed_once  # noqa: E402
 import pytest  # noqa: E402
 from hypothesis import HealthCheck, settings  # noqa: E402
 
@@ -31,6 +33,8 @@ LONGEST = (
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
+parsed_once.install()
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """The option by which nothing is left out for its length."""
@@ -48,8 +52,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_collection_finish() -> None:
-    """Spare the garbage collector the modules and tests that stay till the end: some three percent of the time."""
+    """Spare the garbage collector what stays till the end, three percent of the time, and most of its rounds, two."""
     gc.freeze()
+    gc.set_threshold(10_000, 10, 10)
 
 
 @pytest.fixture
@@ -58,3 +63,12 @@ def shared() -> Path:
     if not SHARED.is_dir():
         pytest.skip("reference data absent: ../shared is not beside the checkout")
     return SHARED
+
+
+@pytest.fixture(scope="module")
+def remembered_compositions() -> Iterator[None]:
+    """Within a module, `composed.remembered`."""
+    import composed  # which imports much that other tests need not
+
+    with composed.remembered():
+        yield

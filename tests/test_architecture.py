@@ -1,6 +1,7 @@
 """The shape of the house: floors, file sizes, where randomness begins, what a light command may import."""
 
 import ast
+import functools
 import statistics
 import subprocess
 import sys
@@ -51,16 +52,21 @@ def folder(path):
     return Path(parts[0]).stem
 
 
+@functools.cache
+def nodes(path):
+    """All nodes of a file's syntax tree, the module first: files are parsed once, though several tests read each."""
+    return tuple(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+
+
 def imported(path):
     """Dotted names within the package that a file imports, anywhere in it, but for type checking."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
     skipped = {
         id(inner)
-        for node in ast.walk(tree)
+        for node in nodes(path)
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
         for inner in ast.walk(node)
     }
-    for node in ast.walk(tree):
+    for node in nodes(path):
         if id(node) in skipped:
             continue
         names = []
@@ -79,11 +85,10 @@ def imports(path):
         yield parts[1], line
 
 
+@functools.cache
 def calls(path):
-    """Dotted names of everything a file calls."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Call):
-            yield ast.unparse(node.func), node.lineno
+    """Dotted names of everything a file calls, each with its line."""
+    return [(ast.unparse(node.func), node.lineno) for node in nodes(path) if isinstance(node, ast.Call)]
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
@@ -154,8 +159,7 @@ def test_randomness_begins_in_streams_only(path):
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
 def test_nothing_is_swallowed_or_unpickled(path):
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    for node in ast.walk(tree):
+    for node in nodes(path):
         if isinstance(node, ast.ExceptHandler):
             everything = node.type is None or ast.unparse(node.type) in ("Exception", "BaseException")
             swallowed = all(isinstance(step, (ast.Pass, ast.Continue, ast.Return)) for step in node.body)
@@ -166,7 +170,7 @@ def test_nothing_is_swallowed_or_unpickled(path):
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
 def test_every_module_and_public_name_says_what_it_is(path):
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    tree = nodes(path)[0]
     assert ast.get_docstring(tree), f"{path.relative_to(ROOT)} has no docstring"
     for node in tree.body:
         if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.name.startswith("_"):

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import composed
 import numpy as np
 import pytest
 from data_makers import picture
@@ -19,8 +20,9 @@ from dvc.cli import DvcParserError, parse_args
 from pipeline import yaml_text
 from pipeline.blur import camera_calibration, spectral
 from pipeline.cli import main
-from pipeline.config.compose import CONF, compose, parse
+from pipeline.config.compose import CONF
 from pipeline.config.overrides import check_overrides
+from pipeline.config.schema import validate
 from pipeline.dependencies import stage_groups
 from pipeline.errors import InputError
 
@@ -136,10 +138,10 @@ def check_dvc(words: list[str]) -> None:
     if any(re.search(r"=[^\[{]*,", override) for override in overrides):
         check_overrides(overrides, CONF)
         return
-    text = compose(overrides)
-    parse(text, "conf/")
+    content = composed.content(*overrides)
+    validate(content, "conf/")
     if words[0] in ("repro", "status", "exp"):
-        assert set(given.get("targets") or []) <= stages(yaml_text.parse(text)), words
+        assert set(given.get("targets") or []) <= stages(content), words
 
 
 def stages(content: dict[str, Any]) -> set[str]:

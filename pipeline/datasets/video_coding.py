@@ -32,6 +32,7 @@ CODECS = ("h264", "hevc", "vp8", "vp9", "av1")
 _PARAMETER_SETS = ("pic_parameter_set_id", "pps_pic_parameter_set_id", "slice_pic_parameter_set_id")
 _MIDDLES = ("pic_init_qp_minus26", "init_qp_minus26")
 _INDICES = ("base_qindex", "base_q_idx")
+_NAMES = frozenset([*_PARAMETER_SETS, *_MIDDLES, *_INDICES, "slice_qp_delta"])
 _LINE = re.compile(r"(\S+)\s+[01]*\s*= (-?[0-9]+)\s*$")
 _LOGGING = Lock()
 """Held while FFmpeg logs more than errors: the filter writes what it reads to the log, whose level is the process's."""
@@ -140,7 +141,7 @@ def coding_of_items(path: Path) -> Coding:
 
 @contextmanager
 def _header_fields() -> Iterator[list[tuple[str, int]]]:
-    """Names and values of the header fields that the filter reads meanwhile; they are there at the end."""
+    """Names and values of the header fields used here that the filter reads meanwhile; they are there at the end."""
     import av
 
     fields: list[tuple[str, int]] = []
@@ -151,5 +152,5 @@ def _header_fields() -> Iterator[list[tuple[str, int]]]:
             yield fields
         finally:
             av.logging.set_level(level)
-            matches = (_LINE.search(text) for _, _, text in logs)
+            matches = (_LINE.search(text) for _, _, text in logs if not _NAMES.isdisjoint(text.split()))
             fields += [(match[1], int(match[2])) for match in matches if match]

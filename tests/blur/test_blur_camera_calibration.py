@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from pipeline import blur
-from pipeline.blur import camera_calibration, camera_correction, camera_fit, spectral
+from pipeline.blur import camera_calibration, camera_correction, camera_fit, camera_samples, spectral
 from pipeline.blur.affine_logits import logit, sigmoid
 from pipeline.blur.base import BlurEstimate
 from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration
@@ -36,8 +36,7 @@ def sharp():
 @pytest.fixture(scope="module")
 def truth():
     """The MTFs that `fit` blurs by, in its order: (500, 2, 8)."""
-    blocks = [kernels.block(index, 1, "camera fit kernels", distribution="with_optics") for index in range(2)]
-    return mtf.sample(np.concatenate(blocks))
+    return mtf.sample(camera_samples._kernels(SAMPLES, seed=1))  # rendered lenses take seconds: kept for calibrations
 
 
 class Bent:

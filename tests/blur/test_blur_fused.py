@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from pipeline import blur
-from pipeline.blur import fusion_gate
+from pipeline.blur import camera_correction, fusion_gate
 from pipeline.blur.base import Estimator
 from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration
 from pipeline.blur.fused import Fused, SpectralAnswer, deconvolution_pays, unsureness
@@ -67,7 +67,10 @@ def make(gate_file, **options):
 
 @pytest.fixture(scope="module")
 def camera(gate_file, sharp):
-    return make(gate_file).fit_camera(sharp[:3], samples=100)
+    """A calibration; its corrections take fewer steps: whether they converge is for tests of their own."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(camera_correction, "STEPS", 100)
+        return make(gate_file).fit_camera(sharp[:3], samples=100)
 
 
 def test_sharp_patches_are_left_to_the_spectral_network(gate_file, sharp):

@@ -29,6 +29,7 @@ from pipeline.errors import InputError
 from pipeline.recording.provenance import blur_weights
 
 ROOT = Path(__file__).resolve().parents[2]
+pytestmark = pytest.mark.usefixtures("remembered_compositions")
 PROGRESS = re.compile(r"[^\r\n]*\d+ frames \[[^\]]*\]|\r")  # shown when reading takes over two seconds
 COUNT = re.compile(r"error: (\S+|\d+ files or frames, the first \S+,) could not be used, or not in full; see above")
 ADVICE = ["--exposure", "4ms", "--iso", "100", "--surface", "{surface}"]

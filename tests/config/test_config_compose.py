@@ -15,6 +15,7 @@ from pipeline.config.compose import compile_params, compose, load, parse
 from pipeline.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
+pytestmark = pytest.mark.usefixtures("remembered_compositions")
 CONF = ROOT / "conf"
 GROUPS = {
     folder.relative_to(CONF).as_posix(): sorted(path.stem for path in folder.glob("*.yaml"))
@@ -59,7 +60,7 @@ def at_top(monkeypatch):
 @pytest.mark.parametrize("overrides", TOGETHER, ids=" ".join)
 def test_every_group_option_composes_and_is_valid(overrides):
     """As many options at once as exclude each other in no group: composing takes most of a second."""
-    config = parse(compose(overrides), "conf/")
+    config = parse(compiling.compose(overrides), "conf/")
     assert list(config.datasets) == config.matrix.datasets
     assert list(config.noise.estimators) == config.matrix.noise_estimators
     assert list(config.blur.estimators) == config.matrix.blur_estimators
@@ -68,7 +69,7 @@ def test_every_group_option_composes_and_is_valid(overrides):
 
 @pytest.mark.parametrize("profile", GROUPS["profile"])
 def test_profiles_know_their_name(profile):
-    assert parse(compose([f"profile={profile}"]), "conf/").profile == profile
+    assert parse(compiling.compose([f"profile={profile}"]), "conf/").profile == profile
 
 
 def test_every_experiment_is_a_file_of_its_own():
@@ -76,14 +77,14 @@ def test_every_experiment_is_a_file_of_its_own():
 
 
 def test_params_yaml_is_what_conf_gives():
-    assert (ROOT / "params.yaml").read_text() == compose()
+    assert (ROOT / "params.yaml").read_text() == compiling.compose()
 
 
 def test_the_text_is_the_one_dvc_writes(tmp_path):
     from dvc.utils.hydra import compose_and_dump
 
     compose_and_dump(tmp_path / "params.yaml", str(CONF), None, "config", None, ["profile=smoke"])
-    assert (tmp_path / "params.yaml").read_text() == compose(["profile=smoke"])
+    assert (tmp_path / "params.yaml").read_text() == compiling.compose(["profile=smoke"])
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from pipeline.errors import InputError
 from pipeline.stages import sensor
 
 ROOT = Path(__file__).resolve().parents[2]
+pytestmark = pytest.mark.usefixtures("remembered_compositions")
 
 
 @pytest.fixture(scope="module")

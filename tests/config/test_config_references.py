@@ -6,14 +6,17 @@ import subprocess
 import sys
 from pathlib import Path
 
+import composed
 import pytest
 
 from pipeline.config.compose import CONF, check, compile_params, compose, parse
 from pipeline.config.overrides import check_overrides, check_scheduler
 from pipeline.config.references import _may_be_made, check_references
+from pipeline.config.schema import validate
 from pipeline.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
+pytestmark = pytest.mark.usefixtures("remembered_compositions")
 
 
 @pytest.fixture(autouse=True)
@@ -92,7 +95,7 @@ def test_what_does_not_exist_is_refused_when_compiling(tmp_path, overrides, word
 @pytest.mark.parametrize("root", ["./", "data/../", "../other/", "runs/../", "runs/./", "runs/", "runs/a/b/", "mine/"])
 def test_a_run_beside_the_released_one_writes_below_its_own_folder(root):
     with pytest.raises(InputError, match="root"):
-        parse(compose(["profile=smoke", f"root={root}"]), "test")
+        validate(composed.content("profile=smoke") | {"root": root}, "test")
 
 
 def test_a_folder_below_runs_may_have_any_name():

@@ -22,6 +22,22 @@ GROUPS = {group.name: group for group in groups(GRAPH, PARAMS)}
 MODULES = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline").rglob("*.py"))
 
 
+@pytest.fixture(scope="module", autouse=True)
+def closed_once():
+    """Stages that execute the same modules have the same closure; sources do not change here."""
+    kept = {}
+
+    def once(modules, chosen=None, root=ROOT):
+        key = (tuple([modules] if isinstance(modules, str) else modules), tuple(sorted((chosen or {}).items())), root)
+        if key not in kept:
+            kept[key] = closure(modules, chosen, root)
+        return kept[key]
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(dvc_yaml, "closure", once)
+        yield
+
+
 def covered(group, path):
     """Whether DVC names a group's stages when a file is edited: it, or a folder above it, is among ``deps``."""
     return any(path == line or path.startswith(f"{line}/") for line in group.body["deps"])

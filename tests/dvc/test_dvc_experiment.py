@@ -19,6 +19,7 @@ from pipeline.dvc.checked_params import check_params
 from pipeline.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
+pytestmark = pytest.mark.usefixtures("remembered_compositions")
 
 AUTHOR = {f"GIT_{role}_{key}": "t@example.org" for role in ("AUTHOR", "COMMITTER") for key in ("NAME", "EMAIL")}
 

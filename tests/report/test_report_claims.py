@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 from functools import partial
 from types import SimpleNamespace
 
@@ -13,6 +14,7 @@ import pytest
 from report_makers import ABSENT, REPO
 
 from pipeline.curves.regression import fit
+from pipeline.report import training_budget
 from pipeline.report.claims import of_blur, of_detection, of_noise
 from pipeline.report.claims.claim import (
     CONSISTENT,
@@ -22,7 +24,9 @@ from pipeline.report.claims.claim import (
     SUPPORTED,
     UNDECIDED,
     VERDICTS,
+    Claim,
     Evidence,
+    Measurement,
     lower,
     of_cells,
     of_number,
@@ -261,13 +265,23 @@ def test_one_view_without_an_interval_supports_a_claim_in_part_at_most(after, ve
     assert measured is not None and measured.verdict == verdict
 
 
-def test_the_records_of_the_repository_decide_claims_and_the_table_shows_them() -> None:
-    inputs = dataclasses.replace(
-        NOTHING,
-        recorded=REPO / "reports/recorded",
-        benchmarks={"estimators": REPO / "benchmarks/results/estimators.json"},
-    )
-    pairs = claims.measurements(inputs)
+RECORDS = dataclasses.replace(
+    NOTHING,
+    weights=REPO / "data/weights",
+    recorded=REPO / "reports/recorded",
+    benchmarks={"estimators": REPO / "benchmarks/results/estimators.json"},
+)
+
+
+@pytest.fixture(scope="module")
+def pairs() -> list[tuple[Claim, Measurement]]:
+    """Claims by the records of the repository, whose intervals take seconds."""
+    return claims.measurements(RECORDS)
+
+
+def test_the_records_of_the_repository_decide_claims_and_the_table_shows_them(
+    pairs: list[tuple[Claim, Measurement]],
+) -> None:
     measured = [one for _, one in pairs if one.verdict != NOT_MEASURED]
     assert len(measured) >= 8 and {one.verdict for one in measured} <= set(VERDICTS)
     for one in measured:
@@ -276,3 +290,14 @@ def test_the_records_of_the_repository_decide_claims_and_the_table_shows_them() 
     assert len(table.rows) == len(pairs) and table.columns[-1].name == "reservation"
     assert [row["verdict"] for row in table.rows] == [one.verdict for _, one in pairs]
     assert claims.finding(pairs).startswith(f"Of {len(pairs)} claims")
+
+
+def test_claims_on_the_papers_networks_carry_the_share(pairs: list[tuple[Claim, Measurement]]) -> None:
+    texts = {claim.tasks: [] for claim, _ in claims.measurements(NOTHING)}
+    for claim, measured in pairs:
+        texts[claim.tasks].append(measured.text)
+    for task, network in (("blur", "mtf_cnn"), ("noise", "sigma_cnn")):
+        share = training_budget.rounded_up(training_budget.percents(RECORDS)[network])
+        named = f"CNN (at most {share} % of the paper’s samples)"
+        assert sum(named in text for text in texts[task,]) >= 1
+        assert not [text for text in texts[task,] if re.search(r"(?<!R-)CNN", text.replace(named, ""))]

@@ -1,5 +1,7 @@
 """Objects: right sizes, known materials, sound geometry, honest paint, and the same thing every time."""
 
+import functools
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -40,8 +42,12 @@ SIZES = {
 }
 
 
-def made(name: str, seed: int = 0) -> SceneObject:
+def made_now(name: str, seed: int = 0) -> SceneObject:
     return MAKERS[name](stream(seed, "objects", name))
+
+
+made = functools.cache(made_now)
+"""The same, made once: no test changes it."""
 
 
 def surface_of(thing: SceneObject, material: str, count: int = 400, footprint_m: float = 0.004) -> Surface:
@@ -84,7 +90,7 @@ def test_every_material_is_known(name):
 
 @pytest.mark.parametrize("name", MAKERS)
 def test_the_same_stream_makes_the_same_bytes(name):
-    first, second, other = made(name), made(name), made(name, 1)
+    first, second, other = made(name), made_now(name), made(name, 1)
     assert first.mesh.position.tobytes() == second.mesh.position.tobytes()
     assert first.mesh.normal.tobytes() == second.mesh.normal.tobytes()
     assert first.tint == second.tint

@@ -12,7 +12,7 @@ from pipeline.report import training_budget
 from pipeline.report.claims import descriptions, of_blur, of_detection, of_noise
 from pipeline.report.claims.claim import NOT_MEASURED, VERDICTS, Claim, Evidence, Measurement
 from pipeline.report.descriptions import Descriptions
-from pipeline.report.display_names import listing
+from pipeline.report.display_names import listing, qualified
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.sections.order_study import STAGE
 from pipeline.report.spec import Section
@@ -38,10 +38,11 @@ def all_claims() -> list[Claim]:
 
 def measurements(inputs: ReportInputs) -> list[tuple[Claim, Measurement]]:
     """Every claim with its measurement; *not measured* names the command where what it needs has not run."""
-    evidence = Evidence(inputs)
+    evidence, stated = Evidence(inputs), all_claims()
+    names = {tasks: training_budget.names(inputs, *tasks) for tasks in {claim.tasks for claim in stated}}
     pairs = []
-    for claim in all_claims():
-        with training_budget.named(inputs, *claim.tasks):
+    for claim in stated:
+        with qualified(names[claim.tasks]):
             measured = claim.measure(evidence)
         if measured is None:
             measured = Measurement(f"Not run: {claim.command or inputs.line(claim.stage)}", NOT_MEASURED)

@@ -21,6 +21,8 @@ from pipeline.datasets.video_coding import Coding
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
+pytestmark = pytest.mark.usefixtures("plain_pictures")
+
 
 def call(*arguments):
     return CliRunner().invoke(main, ["health", *(str(argument) for argument in arguments)])
@@ -42,7 +44,7 @@ def write(path, sigma_dn, blur_px=0.0):
     return path
 
 
-def test_noise_and_blur_are_told_in_numbers_pictures_and_files(tmp_path):
+def test_noise_and_blur_are_told_in_numbers_pictures_and_files(tmp_path, drawn):
     write(tmp_path / "in/a.png", 8.0)
     write(tmp_path / "in/b.png", 0.0, blur_px=3.0)
     done = call(tmp_path / "in", "--out", tmp_path / "out", "--map")

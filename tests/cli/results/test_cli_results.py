@@ -28,6 +28,8 @@ from pipeline.cli.results.refusals import OutputError, refuse_foreign
 
 FULL_DISK = Path("/dev/full")
 
+pytestmark = pytest.mark.usefixtures("plain_pictures")
+
 
 def call(*arguments):
     return CliRunner().invoke(main, [str(argument) for argument in arguments])
