@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.cli import health_files
+from pipeline.cli.health import files
 
 
 @pytest.fixture
@@ -17,4 +17,4 @@ def drawn() -> None:
 def plain_pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Frames are shown without their maps, whose plots take half of the time of a run on a few frames."""
     if "drawn" not in request.fixturenames:
-        monkeypatch.setattr(health_files, "_draw", lambda image, condition: np.dstack([np.uint8(255 * image)] * 3))
+        monkeypatch.setattr(files, "_draw", lambda image, condition: np.dstack([np.uint8(255 * image)] * 3))
