@@ -7,7 +7,6 @@ import pytest
 from data_makers import make_folder
 
 from pipeline import blur, datasets, store, tables
-from pipeline.blur import camera_correction
 from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration
 from pipeline.camera.psf import stored
 from pipeline.camera.psf.defocus import create as defocus
@@ -45,14 +44,6 @@ def prepared(place, frames, workers=1):
         executor=SimpleNamespace(workers=workers, backend="processes", address=None),
     )
     return config, place
-
-
-@pytest.fixture(scope="module", autouse=True)
-def fewer_steps():
-    """Both halves and their repetition take as few; whether a correction converges is for tests of its own."""
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(camera_correction, "STEPS", 100)
-        yield
 
 
 @pytest.fixture(scope="module")
