@@ -206,7 +206,7 @@ def main(given: Sequence[str] | None = None) -> None:
     """Measure, print and write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--realdata", type=Path, required=True, help="folder with kitti, udacity and others")
-    parser.add_argument("--frames", type=common.positive, default=10, help="of each dataset at most")
+    parser.add_argument("--frames", type=common.positive, default=8, help="of each dataset at most")
     parser.add_argument("--out", type=Path)
     options = parser.parse_args(given)
     datasets = sharp_pictures(options.realdata, options.frames)

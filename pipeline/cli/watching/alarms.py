@@ -36,10 +36,10 @@ class ActiveAlarms:
         for name in self._kept:
             if name not in violated and name not in undecided:
                 self._kept[name] += 1
-        cleared = [name for name, frames in self._kept.items() if frames >= CLEAR_FRAMES]
-        for name in cleared:
+        ended = [name for name, frames in self._kept.items() if frames >= CLEAR_FRAMES]
+        for name in ended:
             del self._kept[name]
-        return begun, cleared
+        return begun, ended
 
 
 def alarm_words(name: str, row: dict[str, Any], thresholds: Thresholds) -> str:

@@ -116,12 +116,12 @@ class Watch:
             for alarm in self.analysis.trend_alarms
             if alarm["sequence"] == sequence
         }
-        begun, cleared = self._alarms.update(_names(row["alarms"]), _names(row["undecided"]))
+        begun, ended = self._alarms.update(_names(row["alarms"]), _names(row["undecided"]))
         for name in begun:
             self.alarms += 1
             words = trends[name] if name in trends else alarm_words(name, row, self.analysis.thresholds)
             self.emit("alarm", alarm=name, picture=row["picture"], words=words)
-        for name in cleared:
+        for name in ended:
             self.emit("cleared", alarm=name, picture=row["picture"])
 
     def _state_drifts(self, sequence: str, picture: str) -> None:
