@@ -53,7 +53,7 @@ from pipeline.datasets.pictures import read_grey8  # noqa: E402
 from pipeline.datasets.selection import evenly_spread  # noqa: E402
 from pipeline.errors import InputError  # noqa: E402
 from pipeline.noise.base import COMPRESSED  # noqa: E402
-from pipeline.noise.samples import noise_by_level  # noqa: E402
+from pipeline.noise.training.samples import noise_by_level  # noqa: E402
 from pipeline.streams import stream  # noqa: E402
 
 if TYPE_CHECKING:
@@ -132,7 +132,7 @@ def behind_curve(
     gamma: float,
     generator: np.random.Generator,
 ) -> NDArray[np.uint8]:
-    """A frame with noise that came before its tone curve; the arguments of `pipeline.noise.samples.noise_by_level`."""
+    """A frame with noise from before its tone curve; arguments: `pipeline.noise.training.samples.noise_by_level`."""
     sigma, _ = noise_by_level(np.bincount(frame.ravel(), minlength=256), sigma_dn, source, gamma)
     light = tone_curve.decode(frame / 255, gamma) + sigma[frame] * generator.standard_normal(frame.shape)
     return np.rint(255 * tone_curve.encode(np.clip(light, 0, 1), gamma)).astype(np.uint8)

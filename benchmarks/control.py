@@ -35,15 +35,15 @@ import numpy as np  # noqa: E402
 
 from pipeline import control  # noqa: E402
 from pipeline.camera.exposure import Camera, Motion, noise_generator  # noqa: E402
-from pipeline.control.evaluation import settling_frames  # noqa: E402
-from pipeline.control.loop import Rig, run  # noqa: E402
 from pipeline.control.motion import CYCLES_PER_PX, motion_mtf  # noqa: E402
 from pipeline.control.observation import Observation, observe  # noqa: E402
 from pipeline.control.performance import Performance  # noqa: E402
 from pipeline.control.policy import ControlledCamera  # noqa: E402
-from pipeline.control.scenario import Scenario  # noqa: E402
+from pipeline.control.simulation.evaluation import settling_frames  # noqa: E402
+from pipeline.control.simulation.loop import Rig, run  # noqa: E402
+from pipeline.control.simulation.scenario import Scenario  # noqa: E402
+from pipeline.control.simulation.views import View  # noqa: E402
 from pipeline.control.state import CameraState, DelayLine, Limits  # noqa: E402
-from pipeline.control.views import View  # noqa: E402
 from pipeline.curves.cells import Cells  # noqa: E402
 from pipeline.curves.surface import Surface  # noqa: E402
 

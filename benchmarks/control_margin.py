@@ -1,4 +1,4 @@
-"""Margin against a fall of light (`pipeline.control.margin`) on random drives that are none of the scenarios.
+"""Margin against a fall of light (`pipeline.control.precision.margin`) on random drives that are none of the scenarios.
 
     python benchmarks/control_margin.py [--out FILE] [--drives N] [--first N] [--margins M ...]
 
@@ -34,8 +34,8 @@ from pipeline.control.motion import motion_mtf  # noqa: E402
 from pipeline.control.observation import Estimate, Observation, Outcome  # noqa: E402
 from pipeline.control.performance import Performance  # noqa: E402
 from pipeline.control.policy import ControlledCamera  # noqa: E402
+from pipeline.control.simulation.views import View, folds, views  # noqa: E402
 from pipeline.control.state import CameraState, DelayLine, Limits  # noqa: E402
-from pipeline.control.views import View, folds, views  # noqa: E402
 from pipeline.streams import stream  # noqa: E402
 
 FRAMES, FIRST_COUNTED, FALL_STOPS = 36, 6, 2.0

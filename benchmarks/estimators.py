@@ -91,11 +91,11 @@ def create(task: str, kind: str, options: dict[str, Any]) -> tuple[Any, str]:
 
     network: Any
     if task == "blur":
-        from pipeline.blur.cnn_net import ARCHITECTURE, MtfCnn
+        from pipeline.blur.networks.cnn_net import ARCHITECTURE, MtfCnn
 
         network = MtfCnn()
     else:
-        from pipeline.noise.cnn_net import ARCHITECTURE, PixelNet
+        from pipeline.noise.networks.cnn_net import ARCHITECTURE, PixelNet
 
         network = PixelNet()
     initialise(network, 1, "estimators benchmark", "glorot")
@@ -129,7 +129,7 @@ def preprocessing(patches: np.ndarray) -> dict[str, Any]:
     """Times per patch of what the paper's blur network needs before it runs: grey levels and gradients, both ways."""
     import torch
 
-    from pipeline.blur.cnn_features import network_input
+    from pipeline.blur.networks.cnn_features import network_input
 
     image = torch.from_numpy(np.ascontiguousarray(patches[:, 0]))
 

@@ -27,8 +27,8 @@ common.one_thread()
 import numpy as np  # noqa: E402
 
 from pipeline import blur  # noqa: E402
-from pipeline.blur import fusion_samples  # noqa: E402
 from pipeline.blur.base import PATCH_PX, BlurEstimate  # noqa: E402
+from pipeline.blur.fusion import samples as fusion_samples  # noqa: E402
 from pipeline.blur.settings import FusionRecipe  # noqa: E402
 from pipeline.camera import mtf  # noqa: E402
 from pipeline.camera.blur import blur as convolve  # noqa: E402

@@ -63,8 +63,8 @@ def training_call(half_precision: bool) -> Callable[[], object]:
     import numpy as np
     import torch
 
-    from pipeline.blur import spectral_training
-    from pipeline.blur.spectral_net import SpectralNet
+    from pipeline.blur.networks.spectral_net import SpectralNet
+    from pipeline.blur.training import spectral as spectral_training
     from pipeline.learning.initial import initialise
     from pipeline.learning.samples import Chunk
     from pipeline.streams import stream

@@ -13,7 +13,7 @@ from data_makers import make_kitti
 from pipeline import store, tables
 from pipeline.camera.settings import CameraSettings
 from pipeline.config.schema import validate
-from pipeline.control.loop import SimulatedScene
+from pipeline.control.simulation.loop import SimulatedScene
 from pipeline.datasets.frame import Frame
 from pipeline.experiments.condition import Condition
 from pipeline.experiments.corrupt import SharpFrame

@@ -14,10 +14,11 @@ import pytest
 from pipeline.camera import kernel_bank
 from pipeline.config.schema import Config
 from pipeline.executor import run_map
-from pipeline.experiments import blur_records, calibrate
-from pipeline.experiments.blur_records import BlurRecord
+from pipeline.experiments import calibrate
 from pipeline.experiments.condition import SHARP, grid
 from pipeline.experiments.frames import with_patches
+from pipeline.experiments.recorded import blur as blur_records
+from pipeline.experiments.recorded.blur import BlurRecord
 from pipeline.experiments.run import Method, run
 from pipeline.experiments.table_one import Candidate
 from pipeline.experiments.tables import BLUR_ESTIMATES, rounded, written

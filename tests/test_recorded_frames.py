@@ -12,8 +12,8 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.executor import run_map
-from pipeline.experiments import frame_records
-from pipeline.experiments.frame_records import COMBINED_FILES, DENOISED_FILE, NOISE_FILE
+from pipeline.experiments.recorded import frames as frame_records
+from pipeline.experiments.recorded.frames import COMBINED_FILES, DENOISED_FILE, NOISE_FILE
 from pipeline.recording.frames import Request, record_combined, record_denoised, record_noise
 from pipeline.report.inputs import ReportInputs
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.experiments import real_noise_records as files
+from pipeline.experiments.real_noise import records as files
 from pipeline.noise import real_noise
 from pipeline.store import read_json
 

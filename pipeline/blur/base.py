@@ -74,7 +74,7 @@ class BlurEstimate(Answer):
         half: (N, 2, 8) half its width before it was cut off at 0 and 1, for estimators that know.
         members: (N, E, 2, 8) MTFs by the E networks that an ensemble joins, ``mtf`` first; NaN where abstained. A
             calibration to a camera weights them anew.
-        hidden: hidden units, for estimators that pass them on (`pipeline.blur.camera_correction`).
+        hidden: hidden units, for estimators that pass them on (`pipeline.blur.calibration.output_layers`).
     """
 
     mtf: Floats

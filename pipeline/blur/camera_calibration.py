@@ -6,20 +6,20 @@ is fitted that brings its estimates to the truth:
     logit(M) ~ A logit(m) + b,        A: 16 x 16 E, b: 16   (two directions x eight frequencies, E networks)
 
 by least absolute error, with A drawn towards the mean of the E networks that an ensemble joins, the identity where
-E = 1 (`pipeline.blur.affine_logits`). Division by the sharp frames' own MTF (`Estimator.divided`) is right where an
-estimator errs by a factor; this also mends errors that grow with blur, leak from one frequency into another, or take
-the camera's sharpening for sharpness, and it weights the networks by how well they do on this camera. The result is the
-MTF relative to the camera's sharp frames.
+E = 1 (`pipeline.blur.calibration.affine_logits`). Division by the sharp frames' own MTF (`Estimator.divided`) is right
+where an estimator errs by a factor; this also mends errors that grow with blur, leak from one frequency into another,
+or take the camera's sharpening for sharpness, and it weights the networks by how well they do on this camera. The
+result is the MTF relative to the camera's sharp frames.
 
 How strongly A is drawn to its start, and how much the map counts beside the uncalibrated output, is cross-validated
-over scenes (`pipeline.blur.camera_fit`). Intervals are widened by the held-out errors.
+over scenes (`pipeline.blur.calibration.fit`). Intervals are widened by the held-out errors.
 
 Beside the map of all networks, the last one, which alone was trained on kernels with wide halos, gets a map to itself
-where that costs little; it takes over where it sees a halo (`pipeline.blur.halo`).
+where that costs little; it takes over where it sees a halo (`pipeline.blur.calibration.halo`).
 
 An estimator of networks gets a correction beside the map of all, its output layers trained further on this camera and
-under noise (`pipeline.blur.camera_correction`); where it sees a halo, the last network's map takes over from both.
-Ours; the paper reads an estimator's answers as they are.
+under noise (`pipeline.blur.calibration.output_layers`); where it sees a halo, the last network's map takes over from
+both. Ours; the paper reads an estimator's answers as they are.
 """
 
 from __future__ import annotations
@@ -31,11 +31,12 @@ from typing import Any, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.blur import camera_fit, halo
-from pipeline.blur.affine_logits import logit, sigmoid
 from pipeline.blur.base import FREQUENCIES, BlurEstimate, BlurEstimator, HiddenUnits, as_patches
-from pipeline.blur.camera_correction import Correction
-from pipeline.blur.camera_samples import LEAST_SAMPLES, VALUES, HasOutputLayers, blurred, members
+from pipeline.blur.calibration import fit as camera_fit
+from pipeline.blur.calibration import halo
+from pipeline.blur.calibration.affine_logits import logit, sigmoid
+from pipeline.blur.calibration.output_layers import Correction
+from pipeline.blur.calibration.samples import LEAST_SAMPLES, VALUES, HasOutputLayers, blurred, members
 from pipeline.blur.estimator_identity import EstimatorIdentity
 from pipeline.camera.mtf import CAMERA, SYSTEM
 from pipeline.errors import InputError
@@ -90,7 +91,7 @@ class Calibration:
             an estimator without intervals.
         samples: how many blurred patches it was fitted on.
         error_percent: mean absolute error on them before, and after where they were held out.
-        alone: (16, 17) matrix and offset of the last network alone (`pipeline.blur.halo`), or None.
+        alone: (16, 17) matrix and offset of the last network alone (`pipeline.blur.calibration.halo`), or None.
         correction: beside the map, or None.
         made_for: the estimator that it was fitted to; None where that is not known, as in files of earlier versions.
     """

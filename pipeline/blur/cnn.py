@@ -1,7 +1,7 @@
 """CNN estimator: the paper's learned estimator, with features averaged over consecutive frames.
 
-The network is the paper's to the letter (`cnn_net`); the weights are our own (`cnn_training`), since the published ones
-cannot be redistributed and were trained on photographs. It has no interval.
+The network is the paper's to the letter (`networks.cnn_net`); the weights are our own (`training.cnn`), since the
+published ones cannot be redistributed and were trained on photographs. It has no interval.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Cnn(Estimator):
     def __init__(self, weights: str | Path | None = None, *, batch: int = 16, device: str = "cpu") -> None:
         import torch
 
-        from pipeline.blur.cnn_net import ARCHITECTURE, MtfCnn
+        from pipeline.blur.networks.cnn_net import ARCHITECTURE, MtfCnn
         from pipeline.learning.weights import into, untrained
 
         if batch < 1:

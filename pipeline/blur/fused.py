@@ -1,7 +1,7 @@
 """Fused estimator: networks on every patch, GBB and PMP on a few blurred ones, joined by a learned gate.
 
 The spectral network costs milliseconds and its errors are a common bias of scene and kernel; those of GBB and PMP are
-nearly independent of it (`pipeline.blur.fusion_gate`). Blind deconvolution costs about half a second a patch, and
+nearly independent of it (`pipeline.blur.fusion.gate`). Blind deconvolution costs about half a second a patch, and
 pays only where there is blur: with m the mean MTF by the spectral network (calibrated to the camera if that was done),
 
     answer = w gate + (1 - w) spectral,     w = clip((0.6 - m) / 0.2, 0, 1) clip((b - 0.013) / 0.007, 0, 1),
@@ -21,7 +21,7 @@ equations of at most `deconvolved_patches` of them, and the gate joins the answe
 the answer for a patch depends on the other patches of the call, by which ones are deconvolved with it.
 
 Answers are total MTFs until `Fused.calibrated` makes them relative to a camera's sharp frames. Ours; the gate is
-trained on procedural pictures only (`pipeline.blur.fusion_training`).
+trained on procedural pictures only (`pipeline.blur.fusion.training`).
 """
 
 from __future__ import annotations
@@ -34,12 +34,13 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.blur import overlap, shared_blur
+from pipeline.blur import shared_blur
 from pipeline.blur.base import BlurEstimate, Estimator, as_patches
+from pipeline.blur.calibration import overlap
 from pipeline.blur.camera_calibration import SAMPLES, fit_map
 from pipeline.blur.estimator_identity import EstimatorIdentity
-from pipeline.blur.fusion_camera import SHARP_PATCHES, FusionMap
-from pipeline.blur.fusion_members import Deconvolution, join_members
+from pipeline.blur.fusion.camera import SHARP_PATCHES, FusionMap
+from pipeline.blur.fusion.members import Deconvolution, join_members
 from pipeline.blur.spectral import RELEASED as RELEASED_SPECTRAL
 from pipeline.blur.spectral import RELEASED_PROCESSED, Spectral
 from pipeline.blur.spectral_and_pixels import RELEASED as RELEASED_PIXELS
@@ -143,7 +144,7 @@ class Fused(Estimator):
         batch: int = 32,
         device: str = "cpu",
     ) -> None:
-        from pipeline.blur.fusion_gate import ARCHITECTURE, FusionGate
+        from pipeline.blur.fusion.gate import ARCHITECTURE, FusionGate
         from pipeline.learning.weights import into, untrained
 
         if not isinstance(deconvolved_patches, int) or deconvolved_patches < 1:
@@ -229,7 +230,7 @@ class Fused(Estimator):
         return weight * mtf + (1 - weight) * spectral.mtf, width
 
     def fit_camera(self, sharp_patches: Any, *, samples: int = SAMPLES, seed: int = 1) -> FusionMap:
-        """Calibrate all members to a camera: see `pipeline.blur.fusion_camera`.
+        """Calibrate all members to a camera: see `pipeline.blur.fusion.camera`.
 
         Args:
             sharp_patches: (N, 1, 192, 192) float in [0, 1] of the camera's sharp frames; some tens, from

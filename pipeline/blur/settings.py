@@ -14,7 +14,7 @@ from pipeline.settings import STRICT, Count, Fraction, Name, NonNegative, Positi
 
 @dataclass(frozen=True, config=STRICT)
 class FusionRecipe:
-    """What the fusion gate's samples are drawn from (`pipeline.blur.fusion_samples`).
+    """What the fusion gate's samples are drawn from (`pipeline.blur.fusion.samples`).
 
     Attributes:
         samples: number of patches, each with a picture and a blur of its own.
@@ -66,7 +66,7 @@ class GenericLensSettings(Settings):
 
 
 class AblationVariant(Settings):
-    """What one short training changes; None changes nothing. See `pipeline.blur.ablation`."""
+    """What one short training changes; None changes nothing. See `pipeline.blur.training.ablation`."""
 
     steps: Annotated[int, Field(ge=2)] | None = None
     seed: Seed | None = None

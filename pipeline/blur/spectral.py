@@ -1,9 +1,9 @@
 """Spectral estimator: the MTF of a patch, with an interval, from a small network on log power spectra.
 
-Both directions come from one pass (`spectral_features`, `spectral_net`); trained on procedural pictures only
-(`spectral_training`). Estimates are *total* MTFs: lens, sensor and motion together. The MTF relative to a camera's
-sharp frames is what `calibrated` gives, by a map of both networks' estimates and their output layers trained further
-(`pipeline.blur.camera_calibration`); where there are none, ``output="relative"`` takes off a generic lens
+Both directions come from one pass (`networks.spectral_features`, `networks.spectral_net`); trained on procedural
+pictures only (`training.spectral`). Estimates are *total* MTFs: lens, sensor and motion together. The MTF relative to a
+camera's sharp frames is what `calibrated` gives, by a map of both networks' estimates and their output layers trained
+further (`pipeline.blur.camera_calibration`); where there are none, ``output="relative"`` takes off a generic lens
 (`pipeline.blur.generic_lens`).
 
 Noise that a camera has processed (demosaiced, denoised, sharpened, coded) looks like texture, and the main network,
@@ -37,8 +37,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.blur.base import FREQUENCIES, BlurEstimate, Estimator, HiddenUnits
+from pipeline.blur.calibration.output_layers import OutputLayers
 from pipeline.blur.camera_calibration import Calibration, corrected, fit_map
-from pipeline.blur.camera_correction import OutputLayers
 from pipeline.camera.mtf import CAMERA, GENERIC_LENS, SYSTEM
 from pipeline.errors import InputError
 from pipeline.learning.inference import inference
@@ -48,7 +48,7 @@ from pipeline.weight_files import active
 if TYPE_CHECKING:
     import torch
 
-    from pipeline.blur.spectral_net import SpectralNet
+    from pipeline.blur.networks.spectral_net import SpectralNet
 
 RELEASED = located("data/weights/mtf_spectral.safetensors")
 TYPICAL = "_typical.json"
@@ -127,8 +127,8 @@ class Spectral(Estimator):
     ) -> None:
         import torch
 
-        from pipeline.blur.grouped_convolutions import GroupedBodies
-        from pipeline.blur.spectral_net import ARCHITECTURE, SpectralNet
+        from pipeline.blur.networks.grouped_convolutions import GroupedBodies
+        from pipeline.blur.networks.spectral_net import ARCHITECTURE, SpectralNet
         from pipeline.learning.weights import into, untrained
 
         if batch < 1:
@@ -220,7 +220,7 @@ class Spectral(Estimator):
         """What the networks return, together and apart; see `predict`."""
         import torch
 
-        from pipeline.blur.spectral_features import features, mirrored
+        from pipeline.blur.networks.spectral_features import features, mirrored
 
         count = len(patches)
         members = np.empty((count, 1 if self.processed is None else 2, 2, 8), np.float32)
@@ -266,7 +266,7 @@ class Spectral(Estimator):
         return dict(zip(("main", "processed"), hashes, strict=False))
 
     def output_layers(self) -> OutputLayers:
-        """The last two layers of each network: see `pipeline.blur.camera_correction`."""
+        """The last two layers of each network: see `pipeline.blur.calibration.output_layers`."""
         networks = self._networks()
 
         def stacked(layer: int, name: str) -> NDArray[np.float64]:

@@ -1,8 +1,8 @@
 """The spectral estimator's two networks and the pixel network, as one estimator to calibrate to a camera.
 
-Networks that see the same features err alike, however long they are trained; the pixel network (`pixel_net`) sees edges
-in place of spectra, and its errors correlate by .3 to .4 with those of the spectral ones. Alone it is worse on recorded
-frames, but where motion is short. So an uncalibrated estimate does not depend on it: a camera's calibration
+Networks that see the same features err alike, however long they are trained; the pixel network (`networks.pixel_net`)
+sees edges in place of spectra, and its errors correlate by .3 to .4 with those of the spectral ones. Alone it is worse
+on recorded frames, but where motion is short. So an uncalibrated estimate does not depend on it: a camera's calibration
 (`camera_calibration`), which measures on scenes held out how each network does on that camera, joins all three.
 """
 
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.blur.base import FREQUENCIES, BlurEstimate, Estimator, HiddenUnits
-from pipeline.blur.camera_correction import OutputLayers
+from pipeline.blur.calibration.output_layers import OutputLayers
 from pipeline.blur.spectral import FIRST, SECOND, Spectral
 from pipeline.learning.inference import inference
 from pipeline.project_files import located
@@ -46,7 +46,7 @@ class SpectralAndPixels(Estimator):
     def __init__(self, spectral: Spectral, pixel_weights: str | Path | None = None) -> None:
         import torch
 
-        from pipeline.blur.pixel_net import ARCHITECTURE, PixelNet
+        from pipeline.blur.networks.pixel_net import ARCHITECTURE, PixelNet
         from pipeline.learning.weights import into, untrained
 
         self.spectral, network = spectral, untrained(PixelNet)
@@ -89,7 +89,7 @@ class SpectralAndPixels(Estimator):
         return np.insert(members, MIDDLE, mtf, axis=1), replace(hidden, units=every_unit)
 
     def output_layers(self) -> OutputLayers:
-        """The last two layers of all three; see `pipeline.blur.camera_correction`."""
+        """The last two layers of all three; see `pipeline.blur.calibration.output_layers`."""
         spectral, head, values = self.spectral.output_layers(), self.pixels.head, 2 * FREQUENCIES
 
         def beside(others: NDArray[np.float64], values: torch.Tensor) -> NDArray[np.float64]:

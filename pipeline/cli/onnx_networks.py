@@ -64,13 +64,13 @@ class Exported:
 def _spectral_features(patches: torch.Tensor) -> dict[str, torch.Tensor]:
     import torch
 
-    from pipeline.blur.spectral_features import features
+    from pipeline.blur.networks.spectral_features import features
 
     return dict(zip(("maps", "vector"), features(torch.round(patches[:, 0] * 255)), strict=True))
 
 
 def _cellwise_features(patches: torch.Tensor) -> dict[str, torch.Tensor]:
-    from pipeline.noise.cellwise_features import features
+    from pipeline.noise.networks.cellwise_features import features
 
     return dict(zip(("statistics", "base_dn"), features(patches[:, 0] * 255), strict=True))
 
@@ -79,7 +79,7 @@ def _correlated_features(patches: torch.Tensor) -> dict[str, torch.Tensor]:
     import numpy as np
     import torch
 
-    from pipeline.noise.correlated_features import statistics
+    from pipeline.noise.networks.correlated_features import statistics
 
     pixels = np.rint(patches[:, 0].numpy() * 255).astype(np.float32)
     return {"statistics": torch.from_numpy(np.stack([statistics(patch) for patch in pixels]))}
@@ -122,7 +122,7 @@ def _mtf_cnn() -> torch.nn.Module:
     return BothDirections()
 
 
-SPECTRAL = "maps and profiles of log power (pipeline.blur.spectral_features.features of patches, DN) to the MTF"
+SPECTRAL = "log power (pipeline.blur.networks.spectral_features.features of patches, DN) to the MTF"
 SPECTRAL_OUTPUTS = ("mtf", "mtf_scale", "sigma_dn", "sigma_scale_dn")
 NETWORKS = {
     "mtf_spectral": Network(
@@ -141,12 +141,12 @@ NETWORKS = {
     ),
     "sigma_cellwise": Network(
         _network_of("noise", "cellwise"), _cellwise_features, 128, ("sigma_dn", "scale", "map_dn"),
-        "statistics of cells (pipeline.noise.cellwise_features.features of patches, DN) to the noise and its map, DN",
+        "statistics (pipeline.noise.networks.cellwise_features.features of patches, DN) to the noise and its map, DN",
     ),
     "sigma_correlated": Network(
         _network_of("noise", "correlated"), _correlated_features, 128,
         ("sigma_dn", "scale", "white_fraction", "correlation", "log_curve"),
-        "statistics of a patch (pipeline.noise.correlated_features.statistics, DN) to its correlated noise, DN",
+        "statistics (pipeline.noise.networks.correlated_features.statistics of patches, DN) to correlated noise, DN",
     ),
     "sigma_cnn": Network(
         _network_of("noise", "cnn"), lambda patches: {"image": patches}, 128, ("sigma",),

@@ -1,6 +1,6 @@
 """Noise behind video codecs whose traces noise estimators do not see.
 
-The default estimator recognises JPEG, MPEG-4 and H.264 by their transform blocks (`pipeline.noise.codec_traces`). HEVC,
+The default estimator recognises JPEG, MPEG-4 and H.264 by their transform blocks (`pipeline.noise.traces.codec`). HEVC,
 VP8, VP9 and AV1 filter the edges of theirs, and most choose among many sizes: most tiles show no trace, weak noise is
 gone or smoothed, and the rest is read as next to none. So a frame that is known to have been stored by one of them, and
 is read as less than what the codec may hide (times `DOUBTED`, at most `READ_FROM_DN`), has no answer, and a bound to

@@ -257,8 +257,8 @@ def _begins(name: str, drive: Any, limits: Any) -> None:
 
 def _takes_options(policy: Any, limits: Any) -> None:
     """Makes a built-in policy for its checks of options; unknown names are reported by `_kind`."""
-    from pipeline.control.loop import make_policy
     from pipeline.control.policy import ControlledCamera
+    from pipeline.control.simulation.loop import make_policy
 
     registry: Registry = REGISTRIES.get("control")
     if limits is None or not registry.is_builtin(policy.kind):

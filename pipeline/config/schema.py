@@ -20,7 +20,7 @@ from pipeline.config.train import TrainSettings
 from pipeline.control.settings import ControlSettings
 from pipeline.datasets.settings import Datasets
 from pipeline.errors import InputError, did_you_mean
-from pipeline.experiments.real_noise_settings import RealNoiseSettings
+from pipeline.experiments.real_noise.settings import RealNoiseSettings
 from pipeline.experiments.settings import (
     BlurSettings,
     CombinedSettings,

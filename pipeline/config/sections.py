@@ -26,7 +26,7 @@ SECTIONS = Registry(
         "datasets": "pipeline.datasets.settings:Datasets",
         "corruption": "pipeline.experiments.settings:CorruptionSettings",
         "noise": "pipeline.experiments.settings:NoiseSettings",
-        "real_noise": "pipeline.experiments.real_noise_settings:RealNoiseSettings",
+        "real_noise": "pipeline.experiments.real_noise.settings:RealNoiseSettings",
         "blur": "pipeline.experiments.settings:BlurSettings",
         "combined": "pipeline.experiments.settings:CombinedSettings",
         "denoised_blur": "pipeline.experiments.settings:DenoisedBlurSettings",

@@ -3,10 +3,10 @@
 Each frame: total exposure is kept, or corrected where the mean level is off; then the split into time and gain is
 chosen on the surface of average precision, from the *estimated* noise and motion. Where surfaces of darker frames were
 measured too, the total exposure is chosen with the split: a detector may bear a dark frame better than its gain.
-Where several settings promise about the same, `pipeline.control.margin` decides: the one that loses least in the frames
-after a fall of light. A change must promise some points, more after reversals (`pipeline.control.hysteresis`). Changes
-are compared with the settings written last, which with a delay are still on their way to the sensor: a frame taken
-before they took effect does not make the policy write them again.
+Where several settings promise about the same, `pipeline.control.precision.margin` decides: the one that loses least in
+the frames after a fall of light. A change must promise some points, more after reversals
+(`pipeline.control.memory.hysteresis`). Changes are compared with the settings written last, which with a delay are
+still on their way to the sensor: a frame taken before they took effect does not make the policy write them again.
 Defined actions in doubt:
 
 * the estimator abstains: the split is kept, only brightness is corrected (``ABSTAINED``);
@@ -31,16 +31,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.control.decision import Action, Decision
-from pipeline.control.hysteresis import Hysteresis
-from pipeline.control.margin import after_fall
-from pipeline.control.metering import Metering
+from pipeline.control.image.metering import Metering
+from pipeline.control.memory.hysteresis import Hysteresis
+from pipeline.control.memory.noise_ratio import NoiseRatio
+from pipeline.control.memory.speed import KnownSpeedJumps, SpeedFilter
 from pipeline.control.motion import motion_length
-from pipeline.control.noise_ratio import NoiseRatio
 from pipeline.control.observation import Observation
 from pipeline.control.performance import LEVEL_SLACK_STOPS, Performance, limited
 from pipeline.control.policy import ControlledCamera, Policy
-from pipeline.control.prediction import linear_level, predict
-from pipeline.control.speed import KnownSpeedJumps, SpeedFilter
+from pipeline.control.precision.margin import after_fall
+from pipeline.control.precision.prediction import linear_level, predict
 from pipeline.control.state import CameraState, Limits
 from pipeline.errors import InputError
 

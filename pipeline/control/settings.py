@@ -46,7 +46,7 @@ class DarkerSettings(Settings):
 
 
 class ControlSurfaceSettings(Settings):
-    """Conditions of the surface of average precision that policies use; see `pipeline.control.measured_surface`."""
+    """Conditions of the surface that policies use (`pipeline.control.simulation.measured_surface`)."""
 
     target_sigmas_dn: Annotated[list[Level], UNIQUE] = Field(min_length=2)
     sizes_px: Annotated[list[Annotated[float, Field(ge=0, le=36)]], UNIQUE] = Field(min_length=2)
@@ -82,7 +82,7 @@ class EstimatorFault:
 
 
 class ScenarioSettings(Settings):
-    """One drive; see `pipeline.control.scenario.Scenario`."""
+    """One drive; see `pipeline.control.simulation.scenario.Scenario`."""
 
     steps: Annotated[int, Field(ge=2, le=10_000)]
     light: Knots

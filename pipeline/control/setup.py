@@ -13,11 +13,8 @@ from numpy.typing import NDArray
 
 from pipeline.camera.exposure import Camera
 from pipeline.camera.sensor import named
-from pipeline.control.loop import Rig, StepRecord, make_policy, run
-from pipeline.control.measured_surface import SurfaceDesign
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera
-from pipeline.control.scenario import Flicker, Scenario
 from pipeline.control.settings import (
     ControlCameraSettings,
     ControlSettings,
@@ -25,8 +22,11 @@ from pipeline.control.settings import (
     LimitsSettings,
     ScenarioSettings,
 )
+from pipeline.control.simulation.loop import Rig, StepRecord, make_policy, run
+from pipeline.control.simulation.measured_surface import SurfaceDesign
+from pipeline.control.simulation.scenario import Flicker, Scenario
+from pipeline.control.simulation.views import View
 from pipeline.control.state import BASE_ISO, CameraState, Limits
-from pipeline.control.views import View
 from pipeline.errors import InputError
 from pipeline.store import read_arrays
 

@@ -11,8 +11,8 @@
                      (`FILTERED`), as behind a bilateral filter, which leaves noise at edges; smaller answers there are
                      too low and given
     beyond           the interval begins above `LARGEST_DN`: neither network has seen as much
-    streaked         neighbours are equal as behind a median filter (`pipeline.noise.streaks`), and no codec shows
-    alternating      the patch alternates from pixel to pixel (`pipeline.noise.alternation`), as a raw mosaic does
+    streaked         neighbours are equal as behind a median filter (`pipeline.noise.traces.streaks`); no codec shows
+    alternating      the patch alternates from pixel to pixel (`pipeline.noise.traces.alternation`), as a mosaic does
 
 The reason given is ``"compressed"`` where a codec shows or removed the noise, else ``"uncertain"``; the last three have
 names of their own, of which the last two come before those.
@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.noise.base import ALTERNATING, BEYOND, COMPRESSED, STREAKED, UNCERTAIN
-from pipeline.noise.codec_traces import Traces
+from pipeline.noise.traces.codec import Traces
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -56,7 +56,7 @@ class Evidence:
         weight: (N,) of the network for correlated noise; 0 where it was not asked.
         reaches_too_far: (N,) whether the interval is wider than is of use.
         correlation: (N,) of adjacent pixels by the network for correlated noise; 0 where it was not asked.
-        anisotropy: (N,) `pipeline.noise.correlated_features.anisotropy`; 0 where that network was not asked.
+        anisotropy: (N,) `pipeline.noise.networks.correlated_features.anisotropy`; 0 where that network was not asked.
         traces: of a codec; none where that network was not asked.
         flat_correlation: (N,) of adjacent pixels in flat windows.
         streaks, alternates: (N,) see the module.

@@ -20,8 +20,8 @@ then reads less than there is or nothing; the second network does not. So it is 
 noise that looks smoothed (`SMOOTHED`). Sharpening, in a camera or by scaling with cubic and wider kernels,
 leaves noise strongest in its finest part, of which `cellwise` reads 10 to 45 % too much; the second network does not.
 Traces of a codec are steps at block edges, vanished fine detail (`compressed`) and quantised transform blocks
-(`pipeline.noise.block_quantisation`). The mean and its interval, with what neither network can rule out, are those of
-`pipeline.noise.joint_answer`.
+(`pipeline.noise.traces.block_quantisation`). The mean and its interval, with what neither network can rule out, are
+those of `pipeline.noise.joint_answer`.
 
 There is no answer (`pipeline.noise.abstentions`) where
 
@@ -60,16 +60,15 @@ from numpy.typing import NDArray
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.errors import InputError
 from pipeline.noise.abstentions import UNDETECTED_LOW_DN, Evidence, reasons
-from pipeline.noise.alternation import alternating
 from pipeline.noise.base import Measured
-from pipeline.noise.block_quantisation import at_corner
 from pipeline.noise.cell_mapper import CellMapper
 from pipeline.noise.cellwise import RELEASED as RELEASED_CELLWISE
 from pipeline.noise.cellwise import SATURATED_FRACTION, Cellwise
-from pipeline.noise.codec_traces import Traces, codec_traces
 from pipeline.noise.correlated import RELEASED as RELEASED_CORRELATED
 from pipeline.noise.correlated import Correlated
-from pipeline.noise.correlated_features import (
+from pipeline.noise.joint_answer import Levels, Second, conceded, joined, raised, widened
+from pipeline.noise.maps import CELL_PX
+from pipeline.noise.networks.correlated_features import (
     LEAST_PX,
     Grey,
     Moments,
@@ -79,10 +78,11 @@ from pipeline.noise.correlated_features import (
     moments,
     principal_noise_dn,
 )
-from pipeline.noise.demosaicing import lattice_contrast
-from pipeline.noise.joint_answer import Levels, Second, conceded, joined, raised, widened
-from pipeline.noise.maps import CELL_PX
-from pipeline.noise.streaks import streaked
+from pipeline.noise.traces.alternation import alternating
+from pipeline.noise.traces.block_quantisation import at_corner
+from pipeline.noise.traces.codec import Traces, codec_traces
+from pipeline.noise.traces.demosaicing import lattice_contrast
+from pipeline.noise.traces.streaks import streaked
 
 RELEASED_BESIDE = {"cellwise_weights": RELEASED_CELLWISE, "correlated_weights": RELEASED_CORRELATED}
 """Option -> the released weights that it stands for; for records of what was measured with what."""
@@ -122,10 +122,10 @@ a cubic kernel or by 0.7 with a Lanczos one 71 to 97 %; on rendered texture fewe
 do; `cellwise` then reads 2 to 10 % too much, as intervals allow for."""
 
 DEMOSAICED = (0.2, 0.35)
-"""Contrast of the chessboard that demosaicing leaves (`pipeline.noise.demosaicing`) over which the weight of the second
-network rises to 1, where flat areas do not look white. Of 1,638 patches of KITTI, Udacity and the means of CC and PolyU
-with 4 to 15 DN before OpenCV's four methods 74 % are answered then, 8 % of these wrong (by 20 % and .5 DN), and
-intervals hold 99.6 %; without it 32, 13 and 95 %."""
+"""Contrast of the chessboard that demosaicing leaves (`pipeline.noise.traces.demosaicing`) over which the weight of the
+second network rises to 1, where flat areas do not look white. Of 1,638 patches of KITTI, Udacity and the means of CC
+and PolyU with 4 to 15 DN before OpenCV's four methods 74 % are answered then, 8 % of these wrong (by 20 % and .5 DN),
+and intervals hold 99.6 %; without it 32, 13 and 95 %."""
 
 SURE_SIDE_PX = 128
 """Side of the patches for which `SMOOTHED`, `SHARPENED` and `DEMOSAICED` hold; flat areas of smaller ones are fewer."""

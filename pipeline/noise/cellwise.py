@@ -1,7 +1,8 @@
 """Cell-wise estimator: the sensor's noise of a patch with a 95 % interval, and a map of it, from a small network.
 
-Fixed statistics of every 8 x 8 px cell (`cellwise_features`) go through a small network (`cellwise_net`), trained on
-procedural pictures only (`training`). Its output, and how it differs from the classical estimators:
+Fixed statistics of every 8 x 8 px cell (`networks.cellwise_features`) go through a small network
+(`networks.cellwise_net`), trained on procedural pictures only (`training`). Its output, and how it differs from the
+classical estimators:
 
 * sigma is that of the noise *before* the 8-bit range cut it. In a white sky half of the noise is gone; the other half
   tells. (Behind a tone curve it is what black has left of the noise: without light there is none.) Only a patch with
@@ -60,7 +61,7 @@ class Cellwise(CellMapper):
         saturated_fraction: float = SATURATED_FRACTION,
     ) -> None:
         from pipeline.learning.weights import into, untrained
-        from pipeline.noise.cellwise_net import ARCHITECTURE, CellwiseNet
+        from pipeline.noise.networks.cellwise_net import ARCHITECTURE, CellwiseNet
 
         super().__init__(saturated_fraction)
         if batch < 1:
@@ -92,7 +93,7 @@ class Cellwise(CellMapper):
         """Sigma (N,) DN, the scale of ln(1 + sigma) (N,), and maps (N, h, w) DN of patches (N, H, W)."""
         import torch
 
-        from pipeline.noise.cellwise_features import features
+        from pipeline.noise.networks.cellwise_features import features
 
         count, height, width = len(stack), *(side // CELL_PX for side in stack.shape[1:])
         sigma, scale = np.empty(count), np.empty(count)

@@ -1,8 +1,9 @@
 """The paper's learned noise estimator: a network that gives every pixel's sigma; a patch's is their median.
 
-Wischow et al. (T-ITS 2023), after Tan et al. (2019). The network (`cnn_net`) and its loss are the paper's; it is
-trained here on procedural pictures and 48 px crops (`training`); the report states its share of the paper's samples. It
-has no interval, and white skies, which clip half of the noise away, are abstained from as by the classical estimators.
+Wischow et al. (T-ITS 2023), after Tan et al. (2019). The network (`networks.cnn_net`) and its loss are the paper's; it
+is trained here on procedural pictures and 48 px crops (`training`); the report states its share of the paper's samples.
+It has no interval, and white skies, which clip half of the noise away, are abstained from as by the classical
+estimators.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ class PixelCnn(Estimator):
         saturated_fraction: float = SATURATED_FRACTION,
     ) -> None:
         from pipeline.learning.weights import into, untrained
-        from pipeline.noise.cnn_net import ARCHITECTURE, PixelNet
+        from pipeline.noise.networks.cnn_net import ARCHITECTURE, PixelNet
 
         super().__init__(saturated_fraction, quantise_like_paper=quantise_like_paper)
         if batch < 1:

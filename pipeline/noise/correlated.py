@@ -1,7 +1,7 @@
 """Estimator for noise that is correlated between pixels, as it is behind demosaicing, denoising, sharpening and codecs.
 
-Statistics of flat windows (`correlated_features`) go through small networks (`correlated_net`) that were trained on
-procedural scenes through random cameras (`correlated_training`). It estimates
+Statistics of flat windows (`networks.correlated_features`) go through small networks (`networks.correlated_net`) that
+were trained on procedural scenes through random cameras (`training.correlated`). It estimates
 
     sigma_dn          total noise of the delivered picture: deviation between shots of the same scene
     white_sigma_dn    its white part; the rest is smooth
@@ -29,7 +29,7 @@ from pipeline.errors import InputError
 from pipeline.learning.inference import inference
 from pipeline.noise.base import Measured
 from pipeline.noise.cell_mapper import CELL_PX, CellMapper
-from pipeline.noise.correlated_features import LEAST_PX, Moments, moments, statistics_of
+from pipeline.noise.networks.correlated_features import LEAST_PX, Moments, moments, statistics_of
 from pipeline.project_files import located
 from pipeline.weight_files import active
 
@@ -82,7 +82,7 @@ class Correlated(CellMapper):
 
     def __init__(self, weights: str | Path | None = None, *, saturated_fraction: float = 0.8) -> None:
         from pipeline.learning.weights import into, load, untrained
-        from pipeline.noise.correlated_net import ARCHITECTURE, CorrelatedNet
+        from pipeline.noise.networks.correlated_net import ARCHITECTURE, CorrelatedNet
 
         super().__init__(saturated_fraction)
         path = weights or active(RELEASED)
@@ -115,7 +115,7 @@ class Correlated(CellMapper):
         """
         import torch
 
-        from pipeline.noise.correlated_net import cell_map
+        from pipeline.noise.networks.correlated_net import cell_map
 
         pixels = np.rint(stack * np.float32(FULL_SCALE_DN)).astype(np.float32)
         height, width = (side // CELL_PX for side in stack.shape[1:])

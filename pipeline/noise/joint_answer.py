@@ -33,9 +33,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.noise.abstentions import FILTERED, UNDETECTED_LOW_DN, WEAK_DN
-from pipeline.noise.codec_traces import Traces
 from pipeline.noise.correlated import Prediction
-from pipeline.noise.correlated_features import anisotropy
+from pipeline.noise.networks.correlated_features import anisotropy
+from pipeline.noise.traces.codec import Traces
 
 PLAIN_PART = 0.1
 """Of ln(1 + sigma), added in squares to both halves of the interval of white and sharpened noise. JPEG 80 to 95, Motion

@@ -16,7 +16,7 @@ Kind = Literal["cellwise", "cnn"]
 
 @dataclass(frozen=True, config=STRICT)
 class Recipe:
-    """What labelled samples of sensor noise are drawn from (`pipeline.noise.samples`).
+    """What labelled samples of sensor noise are drawn from (`pipeline.noise.training.samples`).
 
     Attributes:
         size_px: side of a patch, pixels; a multiple of 8.
@@ -50,7 +50,7 @@ class Recipe:
 
 @dataclass(frozen=True, config=STRICT)
 class CameraSamplesRecipe:
-    """What shots of random cameras are drawn from (`pipeline.noise.camera_samples`).
+    """What shots of random cameras are drawn from (`pipeline.noise.training.camera_samples`).
 
     Attributes:
         scenes: in a chunk; each gives three samples.
@@ -72,7 +72,7 @@ class CameraSamplesRecipe:
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
 class SigmaTraining(PictureTraining):
-    """The training of a network for white noise (`pipeline.noise.training`).
+    """The training of a network for white noise (`pipeline.noise.training.sensor_noise`).
 
     Attributes:
         kind: ``"cellwise"`` or ``"cnn"``.
@@ -87,7 +87,7 @@ class SigmaTraining(PictureTraining):
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
 class CorrelatedTraining(PictureTraining):
-    """The training of the network for correlated noise (`pipeline.noise.correlated_training`).
+    """The training of the network for correlated noise (`pipeline.noise.training.correlated`).
 
     Attributes:
         recipe: of the camera samples.

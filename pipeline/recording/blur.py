@@ -26,7 +26,9 @@ from pipeline.camera.psf import stored
 from pipeline.datasets.selection import evenly_spread
 from pipeline.errors import InputError, did_you_mean
 from pipeline.experiments import table_one
-from pipeline.experiments.blur_records import (
+from pipeline.experiments.frames import TestFrame, with_patches
+from pipeline.experiments.metrics import table_one_metrics
+from pipeline.experiments.recorded.blur import (
     ESTIMATES_FILE,
     KEYS,
     METRICS_FILE,
@@ -38,9 +40,7 @@ from pipeline.experiments.blur_records import (
     estimates_of,
     read_folder,
 )
-from pipeline.experiments.frame_records import PROVENANCE_FILE, provenance_of
-from pipeline.experiments.frames import TestFrame, with_patches
-from pipeline.experiments.metrics import table_one_metrics
+from pipeline.experiments.recorded.frames import PROVENANCE_FILE, provenance_of
 from pipeline.experiments.sharp_curves import sharp_curves
 from pipeline.experiments.tables import BLUR_ESTIMATES
 from pipeline.recording.frames import Request, indexed
@@ -112,7 +112,7 @@ class Content:
 
     Attributes:
         metadata: its provenance, of these estimators.
-        summary, sharp: see `pipeline.experiments.blur_records.BlurRecord`.
+        summary, sharp: see `pipeline.experiments.recorded.blur.BlurRecord`.
         estimates: of those that it keeps estimates of (`pipeline.experiments.tables.BLUR_ESTIMATES`).
         metrics: estimator -> metrics.
     """

@@ -18,7 +18,8 @@ from pipeline.camera.mtf import FREQUENCIES, SYSTEM
 from pipeline.datasets.selection import evenly_spread
 from pipeline.errors import InputError
 from pipeline.experiments import table_one
-from pipeline.experiments.blur_records import (
+from pipeline.experiments.metrics import table_one_metrics
+from pipeline.experiments.recorded.blur import (
     ESTIMATES_FILE,
     KEYS,
     METRICS_FILE,
@@ -30,8 +31,7 @@ from pipeline.experiments.blur_records import (
     estimates_of,
     read_folder,
 )
-from pipeline.experiments.frame_records import PROVENANCE_FILE, provenance_of
-from pipeline.experiments.metrics import table_one_metrics
+from pipeline.experiments.recorded.frames import PROVENANCE_FILE, provenance_of
 from pipeline.experiments.sharp_curves import sharp_curves
 from pipeline.experiments.tables import BLUR_ESTIMATES, MEASUREMENTS, measurements_of, rounded, written
 from pipeline.recording.kept_results import kept_tables

@@ -2,7 +2,7 @@
 
 Measured by hand, with ``camera-monitor record examples``. Pictures and weights are named by their SHA-256.
 
-    examples.csv              `pipeline.experiments.noise_examples.COLUMNS`
+    examples.csv              `pipeline.experiments.pictures.noise_examples.COLUMNS`
     examples_N.png            128 px of each example, as a figure of the report shows them
     examples_provenance.json  source, files, weights, seed
 """
@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.camera.processing.codec import Codec
-from pipeline.experiments import noise_examples
-from pipeline.experiments.real_noise_records import EXAMPLES_FILE, EXAMPLES_PROVENANCE_FILE, example_crop
+from pipeline.experiments.pictures import noise_examples
+from pipeline.experiments.real_noise.records import EXAMPLES_FILE, EXAMPLES_PROVENANCE_FILE, example_crop
 from pipeline.noise import real_noise
 from pipeline.recording.provenance import sha256_of, weights_of_kinds, write_record
 from pipeline.report import style
@@ -43,7 +43,7 @@ def record(real: Path, mean: Path, frames: Sequence[Path], out: Path, source: st
         seed: root of the noise's stream.
 
     Returns:
-        `pipeline.experiments.noise_examples.COLUMNS`.
+        `pipeline.experiments.pictures.noise_examples.COLUMNS`.
 
     Raises:
         InputError: a picture is absent or broken.

@@ -2,7 +2,7 @@
 
 The first three are those of the stages `noise`, `combined` and `denoised_blur`, with their settings; only the frames
 are the user's. Measured by hand, with ``camera-monitor record``, and kept as small files
-(`pipeline.experiments.frame_records` reads them); no picture is kept.
+(`pipeline.experiments.recorded.frames` reads them); no picture is kept.
 
     noise_levels.csv     `pipeline.tables.NOISE_SUMMARY`
     combined_blur.csv    `pipeline.experiments.tables.BLUR_CELLS`, without noise rows
@@ -29,9 +29,10 @@ from pipeline.datasets.index import Index, index
 from pipeline.datasets.open import open_section
 from pipeline.datasets.selection import evenly_spread
 from pipeline.experiments import combined, factors, noise
-from pipeline.experiments.combined_example import example_curves
 from pipeline.experiments.condition import Quantity
-from pipeline.experiments.frame_records import (
+from pipeline.experiments.frames import PURPOSES, TestFrame, with_patches
+from pipeline.experiments.pictures.combined_example import example_curves
+from pipeline.experiments.recorded.frames import (
     COMBINED_FILES,
     DENOISED_FILE,
     FACTOR_FILES,
@@ -39,7 +40,6 @@ from pipeline.experiments.frame_records import (
     NOISE_FILE,
     PROVENANCE_FILE,
 )
-from pipeline.experiments.frames import PURPOSES, TestFrame, with_patches
 from pipeline.experiments.run import Registered
 from pipeline.experiments.settings import EstimatorSettings
 from pipeline.recording.kept_results import Map, keyed

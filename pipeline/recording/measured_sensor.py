@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.sensor import Sensor, named
 from pipeline.errors import InputError, printable
-from pipeline.experiments.real_noise_records import DARK_FILE, TRANSFER_FILE, recorded_sensor
+from pipeline.experiments.real_noise.records import DARK_FILE, TRANSFER_FILE, recorded_sensor
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -14,8 +14,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.experiments.real_noise import Kinds, measure_pairs
-from pipeline.experiments.real_noise_records import PATCHES_FILE, PROVENANCE_FILE, SUMMARY_FILE
+from pipeline.experiments.real_noise.experiment import Kinds, measure_pairs
+from pipeline.experiments.real_noise.records import PATCHES_FILE, PROVENANCE_FILE, SUMMARY_FILE
 from pipeline.noise import real_noise
 from pipeline.recording.provenance import sha256_of, weights_of_kinds, without_folders, write_record
 

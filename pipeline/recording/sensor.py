@@ -2,11 +2,11 @@
 
 Measured by hand, with ``camera-monitor record sensor``. Frames are named by their SHA-256; none is kept.
 
-    sensor_transfer.csv     photon transfer of each colour plane (`pipeline.experiments.sensor_constants`)
+    sensor_transfer.csv     photon transfer of each colour plane (`pipeline.experiments.real_noise.sensor_constants`)
     sensor_points.csv       the points that its lines are fitted to
     sensor_dark.csv         dark current of each colour plane
     sensor_dark_means.csv   mean of each dark frame
-    sensor_patches.csv      noise estimated on patches of the frames (`pipeline.experiments.real_noise`)
+    sensor_patches.csv      noise estimated on patches of the frames (`pipeline.experiments.real_noise.experiment`)
     sensor_summary.csv      its errors (`pipeline.noise.real_noise.summarise`)
     sensor_provenance.json  source, frames, white, weights
 """
@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.datasets.raw_frames import raw_frames
-from pipeline.experiments.real_noise import Kinds, measure_raw
-from pipeline.experiments.real_noise_records import (
+from pipeline.experiments.real_noise.experiment import Kinds, measure_raw
+from pipeline.experiments.real_noise.records import (
     DARK_FILE,
     DARK_MEANS_FILE,
     POINTS_FILE,
@@ -28,7 +28,7 @@ from pipeline.experiments.real_noise_records import (
     RAW_SUMMARY_FILE,
     TRANSFER_FILE,
 )
-from pipeline.experiments.sensor_constants import sensor_constants
+from pipeline.experiments.real_noise.sensor_constants import sensor_constants
 from pipeline.noise.real_noise import summarise
 from pipeline.recording.provenance import sha256_of, weights_of_kinds, write_record
 
@@ -67,7 +67,7 @@ def record(
         draws: its resamples.
 
     Returns:
-        `pipeline.experiments.sensor_constants.SensorConstants.transfer`.
+        `pipeline.experiments.real_noise.sensor_constants.SensorConstants.transfer`.
 
     Raises:
         InputError: frames are absent, broken or too few, or there is no such estimator.

@@ -15,9 +15,9 @@ from pipeline import tables
 from pipeline.blur import REGISTRY
 from pipeline.camera.mtf import FREQUENCIES, SYSTEM
 from pipeline.errors import InputError, did_you_mean
-from pipeline.experiments.blur_records import EXACT
 from pipeline.experiments.factors import KERNEL_ESTIMATORS
-from pipeline.experiments.frame_records import COMBINED_FILES, DENOISED_FILE, NOISE_FILE, joined, with_records
+from pipeline.experiments.recorded.blur import EXACT
+from pipeline.experiments.recorded.frames import COMBINED_FILES, DENOISED_FILE, NOISE_FILE, joined, with_records
 from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES
 from pipeline.experiments.tables import BLUR_CELLS, BLUR_ESTIMATES, BLUR_SUMMARY, CURVES, NOISE_CELLS
 from pipeline.report.display_names import DATASETS, PAPER_NAMES, in_order, listing, word

@@ -10,8 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from pipeline.experiments import blur_records, frame_records
-from pipeline.experiments.blur_records import BlurRecord
+from pipeline.experiments.recorded import blur as blur_records
+from pipeline.experiments.recorded import frames as frame_records
+from pipeline.experiments.recorded.blur import BlurRecord
 from pipeline.report import training_budget
 from pipeline.report.display_names import counted, word
 from pipeline.report.inputs import EXACT, ReportInputs, options_of

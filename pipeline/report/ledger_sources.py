@@ -14,10 +14,10 @@ import pandas as pd
 from pipeline import tables
 from pipeline.camera.mtf import FREQUENCIES
 from pipeline.errors import InputError
-from pipeline.experiments import blur_records
 from pipeline.experiments.condition import SHARP
-from pipeline.experiments.frame_records import folders_with
 from pipeline.experiments.intervals import median_error_of_range
+from pipeline.experiments.recorded import blur as blur_records
+from pipeline.experiments.recorded.frames import folders_with
 from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves
 from pipeline.report import detection_results
 from pipeline.report.display_names import PAPER_NAMES

@@ -11,7 +11,7 @@ READS = ["train.mtf.spectral", "ablation.judged_on", "ablation.steps", "ablation
 def run(run: Run) -> None:
     """Train, judge and write the measures."""
     from pipeline import processor
-    from pipeline.blur import ablation
+    from pipeline.blur.training import ablation
     from pipeline.learning import training_record
     from pipeline.learning.run_options import RunOptions
     from pipeline.learning.settings import Training

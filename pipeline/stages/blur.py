@@ -19,12 +19,12 @@ USES = {"pipeline.blur": ["blur.estimators.{estimator}"]}
 def run(run: Run) -> None:
     """Estimate patches under every kernel; write estimates, AMAE raw and calibrated, kernels, and the metrics."""
     from pipeline import store
-    from pipeline.blur import wide_convolutions
+    from pipeline.blur.networks import wide_convolutions
     from pipeline.camera.psf import stored
     from pipeline.experiments import tables
     from pipeline.experiments.frames import of_index
-    from pipeline.experiments.kernel_gallery import gallery
     from pipeline.experiments.metrics import table_one_metrics
+    from pipeline.experiments.pictures.kernel_gallery import gallery
     from pipeline.experiments.table_one import Candidate, measure
 
     dataset, name, params = run.job["dataset"], run.job["estimator"], run.params

@@ -17,10 +17,11 @@ def run(run: Run) -> None:
 
     from pipeline import store
     from pipeline.config.hydra_plugins.plug_in_sources import digest
-    from pipeline.control import evaluation, setup, tables
+    from pipeline.control import setup
     from pipeline.control.cache import fingerprint
-    from pipeline.control.loop import Rig
-    from pipeline.control.views import folds, views
+    from pipeline.control.simulation import evaluation, tables
+    from pipeline.control.simulation.loop import Rig
+    from pipeline.control.simulation.views import folds, views
 
     params, section, name = run.params, run.params.control, run.job["scenario"]
     scenario = setup.scenario(name, evaluation.named_scenario(section.scenarios, name))
@@ -31,7 +32,7 @@ def run(run: Run) -> None:
     camera = setup.camera(section.camera)
     pixels = [[view.name, view.path.read_bytes()] for fold in every for view in fold]
     key = fingerprint(
-        "pipeline.control.loop",
+        "pipeline.control.simulation.loop",
         {
             "camera": camera,
             "seed": params.seed,

@@ -17,10 +17,10 @@ def run(run: Run) -> None:
     from pipeline import store
     from pipeline.camera.psf import stored
     from pipeline.experiments import combined, tables
-    from pipeline.experiments.combined_example import example, example_curves, highest_contrast_patch
     from pipeline.experiments.condition import Quantity
     from pipeline.experiments.frames import of_index
     from pipeline.experiments.metrics import combined_metrics
+    from pipeline.experiments.pictures.combined_example import example, example_curves, highest_contrast_patch
 
     dataset, params = run.job["dataset"], run.params
     section, camera, seed = params.combined, params.camera, params.seed

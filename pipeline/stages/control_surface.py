@@ -10,8 +10,8 @@ from pipeline.config.entry import Run, stage
 from pipeline.stages import CONTROL_USES
 
 if TYPE_CHECKING:
-    from pipeline.control.measured_surface import Exposures, SurfaceDesign
-    from pipeline.control.views import View
+    from pipeline.control.simulation.measured_surface import Exposures, SurfaceDesign
+    from pipeline.control.simulation.views import View
 
 READS = ["seed", "control", "detection.evaluation", "detection.detectors"]
 ARRAYS = frozenset({"condition", "boxes", "score", "label", "true_sigma", "sigma", "mtf"})
@@ -27,9 +27,10 @@ def run(run: Run) -> None:
 
     from pipeline import store
     from pipeline.config.hydra_plugins.plug_in_sources import digest
-    from pipeline.control import measured_surface, setup, tables
+    from pipeline.control import setup
     from pipeline.control.cache import fingerprint
-    from pipeline.control.views import folds, views
+    from pipeline.control.simulation import measured_surface, tables
+    from pipeline.control.simulation.views import folds, views
     from pipeline.detection.checkpoint import clear
     from pipeline.detection.classes import CLASS_MAPS
     from pipeline.detection.words import warn_of_words
@@ -46,7 +47,7 @@ def run(run: Run) -> None:
     shared: dict[str, Any] = {"camera": camera, "seed": params.seed}
     sources = [about["sha256"], digest("pipeline.detection", detector.kind)]
     by = {"detector": [detector.kind, options, *sources], "outputs": str(run.outputs)}
-    key = fingerprint("pipeline.control.measured_surface", {**shared, **by, "conditions": conditions})
+    key = fingerprint("pipeline.control.simulation.measured_surface", {**shared, **by, "conditions": conditions})
     folder = run.inputs / ".cache/control_surface" / key
     measure = partial(
         measure_view, folder=folder, kind=detector.kind, options=options, shared=shared, conditions=conditions
@@ -82,7 +83,7 @@ def measure_view(
     """What one worker does: one view under every condition of one design, kept as soon as it is done."""
     import json
 
-    from pipeline.control import measured_surface
+    from pipeline.control.simulation import measured_surface
     from pipeline.detection.checkpoint import load_or_compute
 
     view, number = item

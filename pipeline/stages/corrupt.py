@@ -21,7 +21,7 @@ def run(run: Run) -> None:
 
     from pipeline import store, tables
     from pipeline.datasets.index import indexed_frames
-    from pipeline.experiments.formation_gallery import gallery
+    from pipeline.experiments.pictures.formation_gallery import gallery
 
     name, params = run.job["dataset"], run.params
     camera = params.camera

@@ -25,9 +25,10 @@ def run(run: Run) -> None:
 
     from pipeline import noise as estimators
     from pipeline import store, tables
-    from pipeline.experiments import noise, noise_maps
+    from pipeline.experiments import noise
     from pipeline.experiments.frames import of_index
     from pipeline.experiments.metrics import noise_metrics
+    from pipeline.experiments.pictures import noise_maps
     from pipeline.experiments.run import Registered
 
     dataset, name, params = run.job["dataset"], run.job["estimator"], run.params

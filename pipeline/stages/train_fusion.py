@@ -8,7 +8,8 @@ from pipeline.config.entry import Run, stage
 @stage("train_fusion", reads=["train.fusion"])
 def run(run: Run) -> None:
     """Draw samples, estimate them by all three, train; write weights and cross-validated errors."""
-    from pipeline.blur import fusion_rows, fusion_training
+    from pipeline.blur.fusion import rows as fusion_rows
+    from pipeline.blur.fusion import training as fusion_training
     from pipeline.blur.settings import FusionTraining
     from pipeline.learning import training_record
     from pipeline.learning.run_options import RunOptions

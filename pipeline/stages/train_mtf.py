@@ -9,20 +9,20 @@ PROGRAMS = Registry(
     "trained blur network",
     "pipeline.blur.training",
     {
-        "spectral": "pipeline.blur.spectral_training:train",
-        "spectral_processed": "pipeline.blur.spectral_training:train",
-        "pixels": "pipeline.blur.pixel_training:train",
-        "cnn": "pipeline.blur.cnn_training:train",
+        "spectral": "pipeline.blur.training.spectral:train",
+        "spectral_processed": "pipeline.blur.training.spectral:train",
+        "pixels": "pipeline.blur.training.pixel:train",
+        "cnn": "pipeline.blur.training.cnn:train",
     },
 )
 SAVERS = Registry(
     "trained blur network",
     "pipeline.blur.training",
     {
-        "spectral": "pipeline.blur.spectral_training:save",
-        "spectral_processed": "pipeline.blur.spectral_training:save",
-        "pixels": "pipeline.blur.pixel_training:save",
-        "cnn": "pipeline.blur.cnn_training:save",
+        "spectral": "pipeline.blur.training.spectral:save",
+        "spectral_processed": "pipeline.blur.training.spectral:save",
+        "pixels": "pipeline.blur.training.pixel:save",
+        "cnn": "pipeline.blur.training.cnn:save",
     },
 )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pipeline.config.entry import Run, stage
 
-USES = {"pipeline.noise.training": ["{network}"]}
+USES = {"pipeline.noise.training.sensor_noise": ["{network}"]}
 
 
 @stage("train_sigma", reads=["train.sigma.{network}"], job=["network"], uses=USES)
@@ -13,8 +13,8 @@ def run(run: Run) -> None:
     from pipeline.learning import training_record
     from pipeline.learning.fitting import final_measures
     from pipeline.learning.run_options import RunOptions
-    from pipeline.noise import training
     from pipeline.noise.settings import SigmaTraining
+    from pipeline.noise.training import sensor_noise as training
 
     name = run.job["network"]
     settings: SigmaTraining = run.params.train.sigma[name]

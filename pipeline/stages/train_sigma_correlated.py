@@ -11,8 +11,8 @@ def run(run: Run) -> None:
     from pipeline.learning import training_record
     from pipeline.learning.fitting import final_measures
     from pipeline.learning.run_options import RunOptions
-    from pipeline.noise import correlated_training
     from pipeline.noise.settings import CorrelatedTraining
+    from pipeline.noise.training import correlated as correlated_training
 
     settings: CorrelatedTraining = run.params.train.sigma_correlated
     run_options = RunOptions.reporting("correlated", settings.schedule.steps, run.executor.workers, run.executor.device)

@@ -14,8 +14,9 @@ def run(run: Run) -> None:
     from functools import partial
 
     from pipeline import store
-    from pipeline.control import example_pictures, setup, tables, worked_examples
-    from pipeline.control.views import folds, views
+    from pipeline.control import setup
+    from pipeline.control.simulation import example_pictures, tables, worked_examples
+    from pipeline.control.simulation.views import folds, views
 
     params, section = run.params, run.params.control
     detector = params.detection.detectors[section.detector]

@@ -9,11 +9,14 @@ import pytest
 import torch
 
 from pipeline import blur
-from pipeline.blur import camera_calibration, camera_correction, camera_fit, camera_samples, spectral
-from pipeline.blur.affine_logits import logit, sigmoid
+from pipeline.blur import camera_calibration, spectral
 from pipeline.blur.base import BlurEstimate
+from pipeline.blur.calibration import fit as camera_fit
+from pipeline.blur.calibration import output_layers
+from pipeline.blur.calibration import samples as camera_samples
+from pipeline.blur.calibration.affine_logits import logit, sigmoid
+from pipeline.blur.calibration.samples import Samples
 from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration
-from pipeline.blur.camera_samples import Samples
 from pipeline.camera import mtf
 from pipeline.camera.blur import blur as convolve
 from pipeline.camera.psf.defocus import create as defocus
@@ -417,7 +420,7 @@ def test_the_width_of_spectral_s_intervals_is_known_before_they_are_cut(sharp):
 
 def test_an_estimator_says_what_its_answers_are_relative_to(sharp, monkeypatch):
     monkeypatch.setattr(spectral, "fit_map", partial(spectral.fit_map, samples=100))  # sooner
-    monkeypatch.setattr(camera_correction, "STEPS", 10)
+    monkeypatch.setattr(output_layers, "STEPS", 10)
     plain = blur.create("spectral")
     typical = blur.create("spectral", output="relative")
     calibrated = typical.calibrated(sharp)
@@ -441,7 +444,7 @@ def test_an_estimator_that_is_relative_already_is_not_calibrated_again(sharp, ma
 
 def test_a_stored_calibration_is_for_the_estimator_that_it_was_made_with(sharp, tmp_path, monkeypatch):
     """One network's map fits any other's answers in shape."""
-    monkeypatch.setattr(camera_correction, "STEPS", 10)  # sooner
+    monkeypatch.setattr(output_layers, "STEPS", 10)  # sooner
     alone, both = blur.create("spectral", processed=False), blur.create("spectral")
     path = tmp_path / "camera.json"
     camera_calibration.calibrate(alone, sharp[:3], samples=100).save(path)

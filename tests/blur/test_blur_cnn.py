@@ -8,10 +8,10 @@ import pytest
 import torch
 
 from pipeline import blur
-from pipeline.blur import cnn_training
 from pipeline.blur.cnn import Cnn
-from pipeline.blur.cnn_features import network_input
-from pipeline.blur.cnn_net import ARCHITECTURE, MtfCnn, SameConv
+from pipeline.blur.networks.cnn_features import network_input
+from pipeline.blur.networks.cnn_net import ARCHITECTURE, MtfCnn, SameConv
+from pipeline.blur.training import cnn as cnn_training
 from pipeline.errors import InputError
 from pipeline.learning import images, weights
 from pipeline.learning.initial import initialise

@@ -5,12 +5,13 @@ import pytest
 import torch
 
 from pipeline import blur
-from pipeline.blur import camera_correction, fusion_gate
 from pipeline.blur.base import Estimator
+from pipeline.blur.calibration import output_layers
 from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration
 from pipeline.blur.fused import Fused, SpectralAnswer, deconvolution_pays, unsureness
-from pipeline.blur.fusion_camera import FusionMap
-from pipeline.blur.fusion_members import Deconvolution, join_members
+from pipeline.blur.fusion import gate as fusion_gate
+from pipeline.blur.fusion.camera import FusionMap
+from pipeline.blur.fusion.members import Deconvolution, join_members
 from pipeline.camera.blur import blur as convolve
 from pipeline.camera.psf.defocus import create as defocus
 from pipeline.camera.psf.linear_motion import create as motion
@@ -69,7 +70,7 @@ def make(gate_file, **options):
 def camera(gate_file, sharp):
     """A calibration; its corrections take fewer steps: whether they converge is for tests of their own."""
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(camera_correction, "STEPS", 100)
+        patched.setattr(output_layers, "STEPS", 100)
         return make(gate_file).fit_camera(sharp[:3], samples=100)
 
 

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline import blur
-from pipeline.blur import spectral_training
+from pipeline.blur.networks.spectral_features import BLOCK_PX, MAPS, VECTOR_LENGTH, features, mirrored
+from pipeline.blur.networks.spectral_net import ARCHITECTURE, SpectralNet, laplace_loss
 from pipeline.blur.spectral import RELEASED, Spectral
-from pipeline.blur.spectral_features import BLOCK_PX, MAPS, VECTOR_LENGTH, features, mirrored
-from pipeline.blur.spectral_net import ARCHITECTURE, SpectralNet, laplace_loss
+from pipeline.blur.training import spectral as spectral_training
 from pipeline.camera import mtf
 from pipeline.camera.blur import blur as convolve
 from pipeline.camera.psf.defocus import create as defocus

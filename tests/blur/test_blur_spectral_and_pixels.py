@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from pipeline.blur.camera_calibration import fit_map
-from pipeline.blur.pixel_net import ARCHITECTURE, PixelNet
+from pipeline.blur.networks.pixel_net import ARCHITECTURE, PixelNet
 from pipeline.blur.spectral import Spectral
 from pipeline.blur.spectral_and_pixels import RELEASED, SpectralAndPixels
 from pipeline.errors import InputError

@@ -16,8 +16,8 @@ from pipeline.condition.verdict import (
     noise_ends,
     noise_parts_words,
 )
-from pipeline.control.expected_precision import equivalent_motion, expected_precision
 from pipeline.control.motion import motion_mtf
+from pipeline.control.precision.expected_precision import equivalent_motion, expected_precision
 from pipeline.streams import stream
 
 LENS = np.tile(np.exp(-0.5 * np.linspace(0.05, 0.6, 8)), (2, 1))

@@ -10,7 +10,7 @@ from pipeline.blur.base import BlurEstimate
 from pipeline.condition import BlurState, Condition, NoiseState
 from pipeline.condition.summary import summarise
 from pipeline.control.advice import LEAST_GAIN_PERCENT, advise, inside
-from pipeline.control.prediction import predict
+from pipeline.control.precision.prediction import predict
 from pipeline.control.state import BASE_ISO, CameraState
 from pipeline.errors import InputError
 from pipeline.noise.base import NoiseEstimate

@@ -8,7 +8,7 @@ from pipeline import weight_files
 from pipeline.control.cache import fingerprint
 from pipeline.dependencies import closure
 
-MODULE = "pipeline.control.loop"
+MODULE = "pipeline.control.simulation.loop"
 
 
 def test_a_key_knows_settings_and_the_weights_of_the_monitor(tmp_path):

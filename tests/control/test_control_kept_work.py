@@ -11,7 +11,8 @@ import pytest
 from plug_in_makers import SPOTS, plug_in
 
 from pipeline import store
-from pipeline.control import cache, measured_surface, views
+from pipeline.control import cache
+from pipeline.control.simulation import measured_surface, views
 from pipeline.stages import closed_loop, control_surface
 
 ROOT = Path(__file__).resolve().parents[2]

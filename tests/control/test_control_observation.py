@@ -13,11 +13,11 @@ from control_makers import CAMERA, Scene, performance
 from pipeline import control
 from pipeline.camera.exposure import Camera
 from pipeline.cli.analysis.frame import FrameAnalysis, Thresholds
-from pipeline.control import loop
 from pipeline.control.decision import Action
-from pipeline.control.metering import Metering
+from pipeline.control.image.metering import Metering
 from pipeline.control.observation import Estimate, Observation, abstention_reason, brightness, observe
-from pipeline.control.scenario import Scenario
+from pipeline.control.simulation import loop
+from pipeline.control.simulation.scenario import Scenario
 from pipeline.control.state import CameraState
 from pipeline.errors import InputError
 from pipeline.streams import stream
@@ -62,7 +62,7 @@ def test_the_precision_of_a_frame_with_bars_is_expected_at_the_brightness_of_its
     frame[120:520] = scene()
     levels = []
     monkeypatch.setattr(
-        "pipeline.control.expected_precision.expected_precision",
+        "pipeline.control.precision.expected_precision.expected_precision",
         lambda surface, sigma, mtf, relative, level: levels.append(level) or SimpleNamespace(best_percent=1.0),
     )
     analysis = FrameAnalysis(SimpleNamespace(), Thresholds(), performance())

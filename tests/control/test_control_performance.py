@@ -16,9 +16,9 @@ from control_makers import (
 )
 
 from pipeline.cluster_intervals import small_sample_factor
-from pipeline.control.expected_precision import expected_at
 from pipeline.control.performance import LEVEL_SLACK_STOPS, Performance, monotonic
-from pipeline.control.prediction import predict
+from pipeline.control.precision.expected_precision import expected_at
+from pipeline.control.precision.prediction import predict
 from pipeline.control.state import CameraState
 from pipeline.curves.surface import Surface
 from pipeline.errors import InputError

@@ -309,7 +309,7 @@ def test_policies_the_printed_sign_is_wrong_and_ours_moves_noise_against_blur():
 
 def test_policies_linear_noise_gain_is_the_papers_alpha_sigma():
     from pipeline.camera.exposure import Camera
-    from pipeline.control.prediction import predict
+    from pipeline.control.precision.prediction import predict
 
     state = CameraState.of(8, 400)
     for kind, low, high in (("linear", 3.97, 4.03), ("physical", 2.0, 3.9)):

@@ -12,7 +12,7 @@ from control_makers import CAMERA, performance, scalar, seen_mtf
 from pipeline import control
 from pipeline.control.observation import Observation
 from pipeline.control.policy import ControlledCamera
-from pipeline.control.replay import BRIGHTNESS_LEVELS_PER_MS, replay
+from pipeline.control.simulation.replay import BRIGHTNESS_LEVELS_PER_MS, replay
 from pipeline.control.state import CameraState, Limits
 
 PAPER = Path(__file__).resolve().parents[2] / "data/paper/controller_response.csv"

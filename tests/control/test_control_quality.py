@@ -9,9 +9,9 @@ import pytest
 from control_makers import CAMERA
 
 from pipeline import control
-from pipeline.control.gradient import information, sobel_magnitude
-from pipeline.control.image_quality import quality
-from pipeline.control.nelder_mead import search
+from pipeline.control.image.gradient import information, sobel_magnitude
+from pipeline.control.image.image_quality import quality
+from pipeline.control.memory.nelder_mead import search
 from pipeline.control.observation import Observation
 from pipeline.control.state import CameraState, DelayLine
 from pipeline.streams import stream

@@ -8,7 +8,7 @@ import composed
 import pytest
 
 from pipeline.control import setup
-from pipeline.control.scenario import Flicker, Scenario
+from pipeline.control.simulation.scenario import Flicker, Scenario
 from pipeline.control.state import CameraState, Limits
 from pipeline.errors import InputError
 

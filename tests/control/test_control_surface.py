@@ -11,8 +11,8 @@ from control_makers import judged_with
 from plug_in_makers import Darkening
 
 from pipeline.camera.exposure import Camera
-from pipeline.control import measured_surface as surface
-from pipeline.control.views import View
+from pipeline.control.simulation import measured_surface as surface
+from pipeline.control.simulation.views import View
 from pipeline.datasets.frame import Box
 from pipeline.detection.base import Detections
 from pipeline.errors import InputError

@@ -74,7 +74,7 @@ def test_stages_of_one_noise_estimator_do_not_depend_on_another():
     pca, cellwise = (dvc_yaml.files_of(GROUPS[f"noise_{kind}"], PARAMS) for kind in ("pca", "cellwise"))
     assert {"pipeline/noise/pca.py", "pipeline/experiments/corrupt.py"} <= pca
     assert not any("cellwise" in path or path.startswith(("data/weights", "pipeline/learning")) for path in pca)
-    assert {"pipeline/noise/cellwise_net.py", "data/weights/sigma_cellwise.safetensors"} <= cellwise
+    assert {"pipeline/noise/networks/cellwise_net.py", "data/weights/sigma_cellwise.safetensors"} <= cellwise
     assert "pipeline/noise/pca.py" not in cellwise
 
 

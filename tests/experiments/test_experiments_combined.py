@@ -15,12 +15,17 @@ from pipeline.datasets.patches import cut, object_patches, tiles
 from pipeline.datasets.pictures import read_grey
 from pipeline.experiments.calibrate import divide_out_filter, divided_by_sharp
 from pipeline.experiments.combined import DISC, blur_cells, sigma_cells, with_expected
-from pipeline.experiments.combined_example import change_interval, example_curves, highest_contrast_patch, steps
 from pipeline.experiments.condition import Condition, Subset, grid
 from pipeline.experiments.corrupt import SharpFrame
 from pipeline.experiments.frames import TestFrame
 from pipeline.experiments.intervals import robust_median
 from pipeline.experiments.metrics import combined_metrics
+from pipeline.experiments.pictures.combined_example import (
+    change_interval,
+    example_curves,
+    highest_contrast_patch,
+    steps,
+)
 from pipeline.experiments.run import Method, PreFilter, Registered, run
 from pipeline.experiments.summarise import MTF_CELL, mtf_cells
 from pipeline.experiments.tables import CHANGES, NOISE_READ, rounded, written

@@ -25,7 +25,7 @@ from mutations import ARRAYS, JSON, LINES, archive, damaged, replaced
 from PIL import Image
 
 from pipeline.blur.camera_calibration import Calibration
-from pipeline.blur.fusion_camera import FusionMap
+from pipeline.blur.fusion.camera import FusionMap
 from pipeline.camera.paper_kernels import read_psf
 from pipeline.camera.processing.codec import VIDEO, video_file
 from pipeline.cli.calibration import camera_store

@@ -67,10 +67,10 @@ def test_the_code_of_a_training_is_what_it_executes_and_not_the_other_networks()
     from pipeline.detection.compact import training as compact
 
     codes = {
-        "pipeline.blur.spectral_training": ("pipeline.blur.spectral_training", "blur/cnn_net"),
-        "pipeline.blur.cnn_training": ("pipeline.blur.cnn_training", "blur/spectral_net"),
-        "pipeline.noise.cellwise_training": ("pipeline.noise.cellwise_training", "noise/cnn_net"),
-        "pipeline.noise.cnn_training": ("pipeline.noise.cnn_training", "noise/cellwise_net"),
+        "pipeline.blur.training.spectral": ("pipeline.blur.training.spectral", "blur/cnn_net"),
+        "pipeline.blur.training.cnn": ("pipeline.blur.training.cnn", "blur/spectral_net"),
+        "pipeline.noise.training.cellwise": ("pipeline.noise.training.cellwise", "noise/cnn_net"),
+        "pipeline.noise.training.cnn": ("pipeline.noise.training.cnn", "noise/cellwise_net"),
         "pipeline.detection.compact.training": (compact.code("compact"), "compact/two_stage"),
     }
     for module, (code, other) in codes.items():

@@ -4,17 +4,19 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.blur import cnn_training, pixel_training, spectral_training
-from pipeline.blur.cnn_net import MtfCnn
-from pipeline.blur.pixel_net import PixelNet
-from pipeline.blur.spectral_features import features
-from pipeline.blur.spectral_net import SpectralNet
+from pipeline.blur.networks.cnn_net import MtfCnn
+from pipeline.blur.networks.pixel_net import PixelNet
+from pipeline.blur.networks.spectral_features import features
+from pipeline.blur.networks.spectral_net import SpectralNet
+from pipeline.blur.training import cnn as cnn_training
+from pipeline.blur.training import pixel as pixel_training
+from pipeline.blur.training import spectral as spectral_training
 from pipeline.learning.chunk_loader import ChunkLoader
 from pipeline.learning.initial import initialise
 from pipeline.learning.settings import Schedule
 from pipeline.learning.trainer import train
-from pipeline.noise import cnn_training as noise_cnn_training
-from pipeline.noise.training import PROGRAMS
+from pipeline.noise.training import cnn as noise_cnn_training
+from pipeline.noise.training.sensor_noise import PROGRAMS
 from pipeline.streams import stream
 
 pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU that torch sees")

@@ -20,7 +20,7 @@ from pipeline.noise.abstentions import (
     reasons,
 )
 from pipeline.noise.base import ALTERNATING, BEYOND, COMPRESSED, FLAT, STREAKED, UNCERTAIN
-from pipeline.noise.codec_traces import Traces
+from pipeline.noise.traces.codec import Traces
 
 NONE = np.zeros(1, bool)
 CLEAR = Traces(NONE, NONE, NONE, NONE)

@@ -30,8 +30,8 @@ from pipeline.noise.adaptive import (
     weights,
 )
 from pipeline.noise.base import COMPRESSED, UNCERTAIN
-from pipeline.noise.codec_traces import codec_traces
-from pipeline.noise.correlated_features import anisotropy
+from pipeline.noise.networks.correlated_features import anisotropy
+from pipeline.noise.traces.codec import codec_traces
 from pipeline.streams import stream
 
 ADAPTIVE = noise.create("adaptive")

@@ -18,9 +18,9 @@ from pipeline.errors import InputError
 from pipeline.learning import weights
 from pipeline.learning.textures import power_law
 from pipeline.noise.cellwise import Cellwise
-from pipeline.noise.cellwise_features import CELL_PX, CHANNELS, POWERS, features, log_power, power
-from pipeline.noise.cellwise_net import ARCHITECTURE, CellwiseNet
-from pipeline.noise.samples import noise_by_level
+from pipeline.noise.networks.cellwise_features import CELL_PX, CHANNELS, POWERS, features, log_power, power
+from pipeline.noise.networks.cellwise_net import ARCHITECTURE, CellwiseNet
+from pipeline.noise.training.samples import noise_by_level
 from pipeline.streams import stream
 
 

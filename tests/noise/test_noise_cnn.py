@@ -11,8 +11,8 @@ import torch
 from pipeline import noise
 from pipeline.errors import InputError
 from pipeline.learning import weights
-from pipeline.noise.cnn_net import ARCHITECTURE, PixelNet, loss
 from pipeline.noise.maps import NoiseMapper
+from pipeline.noise.networks.cnn_net import ARCHITECTURE, PixelNet, loss
 from pipeline.streams import stream
 
 

@@ -9,10 +9,12 @@ import torch
 
 from pipeline import noise
 from pipeline.errors import InputError
-from pipeline.noise import camera_samples, correlated_features, correlated_training, noise_free_samples
 from pipeline.noise.correlated import Correlated
-from pipeline.noise.correlated_net import CURVE_LEVELS_DN, CorrelatedNet, cell_map, loss
+from pipeline.noise.networks import correlated_features
+from pipeline.noise.networks.correlated_net import CURVE_LEVELS_DN, CorrelatedNet, cell_map, loss
 from pipeline.noise.settings import CameraSamplesRecipe
+from pipeline.noise.training import camera_samples, noise_free_samples
+from pipeline.noise.training import correlated as correlated_training
 from pipeline.streams import stream
 
 

@@ -11,8 +11,8 @@ from test_noise_adaptive import ADAPTIVE, stack
 from test_noise_correlated import flat
 
 from pipeline.noise.adaptive import OFFSET, REAL_CAMERAS, SLOPE, Adaptive
-from pipeline.noise.codec_traces import codec_traces
 from pipeline.noise.joint_answer import MOST_HIDDEN, MOST_MOVED, WHITE_PART, Levels, Second, joined, widened
+from pipeline.noise.traces.codec import codec_traces
 from pipeline.streams import stream
 
 FLAT_DN = 1.38  # white noise with which the flattest windows of flat(2, 0.8) would vary as they do

@@ -21,7 +21,7 @@ from pipeline.datasets.index import index
 from pipeline.datasets.open import open_section
 from pipeline.errors import InputError
 from pipeline.executor import run_map
-from pipeline.experiments import blur_records
+from pipeline.experiments.recorded import blur as blur_records
 from pipeline.experiments.tables import BLUR_ESTIMATES, BLUR_SUMMARY
 from pipeline.recording.blur import record
 from pipeline.recording.frames import Request

@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.camera.sensor import named
 from pipeline.errors import InputError
-from pipeline.experiments.real_noise_records import DARK_FILE, TRANSFER_FILE
+from pipeline.experiments.real_noise.records import DARK_FILE, TRANSFER_FILE
 from pipeline.recording.measured_sensor import RECORDED_K, measured_sensor, sensor_of
 
 RECORD = Path(__file__).resolve().parents[2] / "reports/recorded/real-sensor"

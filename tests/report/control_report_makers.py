@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import store
-from pipeline.control.tables import CONTROLLER_AP, EXAMPLE_STEPS, KNOTS, PAIRS, RESPONSE, STEPS, SUMMARY
+from pipeline.control.simulation.tables import CONTROLLER_AP, EXAMPLE_STEPS, KNOTS, PAIRS, RESPONSE, STEPS, SUMMARY
 from pipeline.experiments.order_study import EFFECTS, STUDY
 
 PAPER = Path(__file__).resolve().parents[2] / "data/paper"

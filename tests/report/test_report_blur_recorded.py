@@ -15,7 +15,7 @@ from report_makers import ABSENT, REPO
 
 from pipeline import store
 from pipeline.camera.mtf import CAMERA, GENERIC_LENS
-from pipeline.experiments import blur_records
+from pipeline.experiments.recorded import blur as blur_records
 from pipeline.experiments.sharp_curves import sharp_curves
 from pipeline.experiments.tables import BLUR_SUMMARY
 from pipeline.report import ledger_sources

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from pipeline import store
-from pipeline.control.tables import PAIRS, STEPS, SUMMARY
+from pipeline.control.simulation.tables import PAIRS, STEPS, SUMMARY
 from pipeline.errors import InputError
 from pipeline.report import style
 from pipeline.report.build import build

@@ -12,10 +12,10 @@ from combined_makers import blur_cells, curves, noise_cells
 from report_makers import REPO, make_noise
 
 from pipeline import store
-from pipeline.experiments import frame_records
-from pipeline.experiments.blur_records import BlurRecord
 from pipeline.experiments.factors import EFFECTS, FACTOR_CELLS, SETTINGS
-from pipeline.experiments.frame_records import COMBINED_FILES, DENOISED_FILE, FACTOR_FILES, NOISE_FILE
+from pipeline.experiments.recorded import frames as frame_records
+from pipeline.experiments.recorded.blur import BlurRecord
+from pipeline.experiments.recorded.frames import COMBINED_FILES, DENOISED_FILE, FACTOR_FILES, NOISE_FILE
 from pipeline.experiments.tables import CHANGES
 from pipeline.recording.provenance import write_csv
 from pipeline.report import ledger_causes, ledger_sources

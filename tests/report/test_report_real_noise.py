@@ -13,8 +13,8 @@ from report_makers import REPO
 
 from pipeline import store
 from pipeline.errors import InputError
-from pipeline.experiments import real_noise_records
-from pipeline.experiments.real_noise_tables import REAL_NOISE_PATCHES, REAL_NOISE_SUMMARY
+from pipeline.experiments.real_noise import records as real_noise_records
+from pipeline.experiments.real_noise.tables import REAL_NOISE_PATCHES, REAL_NOISE_SUMMARY
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.sections import real_noise
 from pipeline.report.spec import Figure

@@ -195,8 +195,8 @@ class FrameAnalysis:
             return
         from pipeline.cli.analysis.flag_words import left_out_words
         from pipeline.condition.verdict import noise_ends
-        from pipeline.control.expected_precision import expected_precision, interval_between
         from pipeline.control.observation import brightness
+        from pipeline.control.precision.expected_precision import expected_precision, interval_between
 
         level, mtf = brightness(image).mean_level, condition.mtf
         at = partial(expected_precision, self.performance, relative=self.relative, level=level)

@@ -68,7 +68,7 @@ def noise_levels_command(**given: Any) -> None:
     Every estimator of noise.estimators is measured. OVERRIDES are of conf/, as for ``dvc exp run -S``:
     +dataset@datasets.kitti=kitti datasets.kitti.root=/path noise.tiles_per_frame=6
     """
-    from pipeline.experiments.frame_records import NOISE_FILE
+    from pipeline.experiments.recorded.frames import NOISE_FILE
     from pipeline.recording.frames import record_noise
 
     summary = record_noise(request((NOISE_FILE,), **given))
@@ -84,7 +84,7 @@ def combined_command(**given: Any) -> None:
 
     OVERRIDES are of conf/: +dataset@datasets.udacity=udacity datasets.udacity.root=/path psf=paper psf.folder=/path
     """
-    from pipeline.experiments.frame_records import COMBINED_FILES
+    from pipeline.experiments.recorded.frames import COMBINED_FILES
     from pipeline.recording.frames import record_combined
 
     _print_means(record_combined(request(COMBINED_FILES, **given)), given["out"])
@@ -96,7 +96,7 @@ def denoised_command(**given: Any) -> None:
 
     OVERRIDES are of conf/: 'denoised_blur.blur_estimators=[cnn,spectral]' and those of the dataset.
     """
-    from pipeline.experiments.frame_records import DENOISED_FILE
+    from pipeline.experiments.recorded.frames import DENOISED_FILE
     from pipeline.recording.frames import record_denoised
 
     _print_means(record_denoised(request((DENOISED_FILE,), **given)), given["out"])
@@ -117,7 +117,7 @@ def factors_command(frame_count: int, exact_sizes_px: tuple[float, ...], with_gr
     OVERRIDES are of conf/: those of the dataset, psf=paper psf.folder=/path blur.patches_per_frame=1
     """
     from pipeline.experiments.factors import ALL
-    from pipeline.experiments.frame_records import FACTOR_FILES
+    from pipeline.experiments.recorded.frames import FACTOR_FILES
     from pipeline.recording.frames import record_factors
 
     effects = record_factors(request(FACTOR_FILES, **given), frame_count, exact_sizes_px, with_grid=with_grid)

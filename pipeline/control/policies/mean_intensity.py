@@ -6,9 +6,9 @@ the defaults of built-in controllers: target 50 %, tolerance 5 %.
 
 from __future__ import annotations
 
-from pipeline.control.asked_exposure import AskedExposure
 from pipeline.control.decision import Decision
-from pipeline.control.metering import Metering
+from pipeline.control.image.metering import Metering
+from pipeline.control.memory.asked_exposure import AskedExposure
 from pipeline.control.observation import Observation
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera, Policy

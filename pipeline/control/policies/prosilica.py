@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import math
 
-from pipeline.control.asked_exposure import AskedExposure
 from pipeline.control.decision import Decision
+from pipeline.control.memory.asked_exposure import AskedExposure
 from pipeline.control.observation import Observation
 from pipeline.control.options import is_count
 from pipeline.control.performance import Performance

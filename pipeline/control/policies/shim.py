@@ -11,9 +11,9 @@ import math
 
 import numpy as np
 
-from pipeline.control.asked_exposure import AskedExposure
 from pipeline.control.decision import Decision
-from pipeline.control.gradient import information, sobel_magnitude
+from pipeline.control.image.gradient import information, sobel_magnitude
+from pipeline.control.memory.asked_exposure import AskedExposure
 from pipeline.control.observation import Observation
 from pipeline.control.options import is_number
 from pipeline.control.performance import Performance

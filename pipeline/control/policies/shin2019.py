@@ -16,8 +16,8 @@ from collections.abc import Generator
 import numpy as np
 
 from pipeline.control.decision import Action, Decision
-from pipeline.control.image_quality import quality
-from pipeline.control.nelder_mead import Point, search
+from pipeline.control.image.image_quality import quality
+from pipeline.control.memory.nelder_mead import Point, search
 from pipeline.control.observation import Observation
 from pipeline.control.options import is_count
 from pipeline.control.performance import Performance

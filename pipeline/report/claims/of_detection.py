@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pandas as pd
 
-from pipeline.control.order_conclusions import DETECTOR, ENCODED, LINEAR, PAPER, Conclusion, StudyTables
-from pipeline.control.scenario_result import OURS
+from pipeline.control.simulation.order_conclusions import DETECTOR, ENCODED, LINEAR, PAPER, Conclusion, StudyTables
+from pipeline.control.simulation.scenario_result import OURS
 from pipeline.report.claims import claim
 from pipeline.report.claims.claim import Evidence, Measurement
 from pipeline.report.claims.paired_precision import WHO, distinct

@@ -9,8 +9,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from pipeline.camera.mtf import FREQUENCIES, SYSTEM
-from pipeline.experiments import blur_records
-from pipeline.experiments.blur_records import BlurRecord
+from pipeline.experiments.recorded import blur as blur_records
+from pipeline.experiments.recorded.blur import BlurRecord
 from pipeline.experiments.sharp_curves import sharp_curves, sharp_errors
 from pipeline.report import style
 from pipeline.report.display_names import ESTIMATORS, counted, in_order, listing, word

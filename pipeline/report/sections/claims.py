@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from functools import partial
 
-from pipeline.control.order_conclusions import CONCLUSIONS
+from pipeline.control.simulation.order_conclusions import CONCLUSIONS
 from pipeline.report import training_budget
 from pipeline.report.claims import descriptions, of_blur, of_detection, of_noise
 from pipeline.report.claims.claim import NOT_MEASURED, VERDICTS, Claim, Evidence, Measurement

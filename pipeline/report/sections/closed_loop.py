@@ -15,10 +15,10 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullForm
 from numpy.typing import NDArray
 
 from pipeline.cluster_intervals import cluster_mean
-from pipeline.control.course import COURSE, course
-from pipeline.control.largest_loss import LargestLoss, largest_loss
-from pipeline.control.scenario_result import BRIGHTNESS_ONLY, OURS, ScenarioResult
-from pipeline.control.tables import PAIRS, STEPS, SUMMARY
+from pipeline.control.simulation.course import COURSE, course
+from pipeline.control.simulation.largest_loss import LargestLoss, largest_loss
+from pipeline.control.simulation.scenario_result import BRIGHTNESS_ONLY, OURS, ScenarioResult
+from pipeline.control.simulation.tables import PAIRS, STEPS, SUMMARY
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import POLICIES, in_order, listing, word

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from pipeline.experiments.frame_records import COMBINED_FILES, DENOISED_FILE, records_with
+from pipeline.experiments.recorded.frames import COMBINED_FILES, DENOISED_FILE, records_with
 from pipeline.report import style, training_budget
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import DATASETS, ESTIMATORS, EXPERIMENTS, in_order, word

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pandas as pd
 
-from pipeline.control.scenario_result import rises
-from pipeline.control.tables import KNOTS
+from pipeline.control.simulation.scenario_result import rises
+from pipeline.control.simulation.tables import KNOTS
 from pipeline.report import style
 from pipeline.report.display_names import listing
 from pipeline.report.figures import cell_map
@@ -50,7 +50,7 @@ def _scenario_runs(inputs: ReportInputs, ran: set[str]) -> list[Run]:
 
 
 def heat_map(knots: pd.DataFrame) -> style.Drawing:
-    """AP at every measured noise and motion (`pipeline.control.tables.KNOTS`); one panel for each mean level."""
+    """AP at every noise and motion measured (`pipeline.control.simulation.tables.KNOTS`), a panel for each level."""
     levels = sorted(set(knots["level"]), reverse=True)
     grids = [
         where(knots, level=level).pivot(index="target_sigma_dn", columns="motion_px", values="ap_percent").sort_index()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.control.tables import CONTROLLER_AP, EXAMPLE_STEPS, RESPONSE
+from pipeline.control.simulation.tables import CONTROLLER_AP, EXAMPLE_STEPS, RESPONSE
 from pipeline.report import style
 from pipeline.report.figures import PAPER_DASH, add_legend
 from pipeline.report.inputs import ReportInputs, published
@@ -50,7 +50,8 @@ def pictures(
 ) -> style.Drawing:
     """One object at every step of an example, with its true box (dashed) and the detector's box and score.
 
-    ``steps`` is an `EXAMPLE_STEPS`; ``about`` describes ``arrays``, see `pipeline.control.example_pictures.gallery`.
+    ``steps`` is an `EXAMPLE_STEPS`; ``about`` describes ``arrays``, see
+    `pipeline.control.simulation.example_pictures.gallery`.
     """
     shown = [entry for entry in about["steps"] if entry["example"] == example]
     built_in = [entry for entry in shown if entry["step"].startswith("built_in_")]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pipeline.experiments.factors import ALL
-from pipeline.experiments.frame_records import FACTOR_FILES, FrameRecord, records_with
+from pipeline.experiments.recorded.frames import FACTOR_FILES, FrameRecord, records_with
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import BLURS, ESTIMATORS, counted, word
 from pipeline.report.inputs import ReportInputs

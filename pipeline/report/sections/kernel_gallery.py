@@ -31,7 +31,7 @@ from pipeline.report.tables import ordered, where
 SHOWN_PX = 96  # side of the middle of a patch that is shown
 LARGEST_CELL_IN, CURVES_IN, ROW_GAPS_IN, TOP_IN, BOTTOM_IN = 0.8, 0.56, 0.4, 0.58, 0.3
 Gallery = tuple[Mapping[str, Any], Mapping[str, np.ndarray]]
-"""Description and arrays that one estimator stored of one patch (`pipeline.experiments.kernel_gallery`)."""
+"""Description and arrays that one estimator stored of one patch (`pipeline.experiments.pictures.kernel_gallery`)."""
 
 CURVES = ["kernel", "blur_kind", "kernel_size_px", "estimator", "axis", "frequency", "true_mtf", "mtf"]
 """Columns of curves: MTF of one patch under each kernel, by direction and frequency."""

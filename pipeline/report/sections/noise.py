@@ -15,8 +15,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from pipeline.experiments.frame_records import NOISE_FILE, records_with
 from pipeline.experiments.patch_errors import SATURATED, agreement, patch_errors, saturated_patches
+from pipeline.experiments.recorded.frames import NOISE_FILE, records_with
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import EFFECTS, ESTIMATORS, counted, in_order, listing, word

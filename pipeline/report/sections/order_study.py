@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pandas as pd
 
-from pipeline.control import order_conclusions
-from pipeline.control.order_conclusions import CONCLUSIONS, SETTINGS, Conclusion, StudyTables
+from pipeline.control.simulation import order_conclusions
+from pipeline.control.simulation.order_conclusions import CONCLUSIONS, SETTINGS, Conclusion, StudyTables
 from pipeline.report.display_names import listing
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.sections.closed_loop import CONTROL

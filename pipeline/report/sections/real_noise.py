@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from pipeline.experiments import real_noise_bounds, real_noise_records
-from pipeline.experiments.real_noise_records import Examples, Recording, Sensor
+from pipeline.experiments.real_noise import bounds as real_noise_bounds
+from pipeline.experiments.real_noise import records as real_noise_records
+from pipeline.experiments.real_noise.records import Examples, Recording, Sensor
 from pipeline.noise.real_noise import shared_errors
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions

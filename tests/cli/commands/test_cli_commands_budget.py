@@ -20,7 +20,7 @@ from pipeline.camera.tone_curve import decode
 from pipeline.cli import main
 from pipeline.cli.commands.budget import longest_run, words
 from pipeline.condition.noise_budget import FrameBudget
-from pipeline.experiments.real_noise_records import DARK_FILE
+from pipeline.experiments.real_noise.records import DARK_FILE
 from pipeline.streams import stream
 
 RECORD = Path(__file__).resolve().parents[3] / "reports/recorded/real-sensor"

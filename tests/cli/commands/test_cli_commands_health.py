@@ -313,7 +313,8 @@ def test_health_and_noise_take_the_same_tiles_of_a_large_frame(tmp_path):
 
 
 def test_best_quality_estimates_blur_by_the_fused_estimator(tmp_path, monkeypatch):
-    from pipeline.blur import fused, fusion_gate
+    from pipeline.blur import fused
+    from pipeline.blur.fusion import gate as fusion_gate
     from pipeline.learning import weights
 
     gate = fusion_gate.FusionGate()

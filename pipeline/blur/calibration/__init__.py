@@ -1,0 +1,1 @@
+"""The parts of a calibration to one camera: samples, maps of logits, output layers, and how they are fitted."""

@@ -1,0 +1,1 @@
+"""Training the networks for blur: samples, what is minimised, validation, and the ablation study."""

@@ -1,0 +1,1 @@
+"""What policies measure on the picture itself: mean grey level, gradients, image quality."""

@@ -1,0 +1,1 @@
+"""What policies carry from frame to frame: filters, hysteresis, searches, and exposure asked for."""

@@ -1,0 +1,1 @@
+"""Average precision expected at settings not yet tried, and what is chosen where it is uncertain."""

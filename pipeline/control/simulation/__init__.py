@@ -1,0 +1,1 @@
+"""The camera in the loop, simulated: views, scenarios, the loop, scores, and the paper's worked examples."""

@@ -1,0 +1,1 @@
+"""Pictures of experiments: image formation, kernels, noise maps, and single examples."""

@@ -1,0 +1,1 @@
+"""Noise of real cameras: estimators on recordings, sensor constants, bounds behind codecs, tables and records."""

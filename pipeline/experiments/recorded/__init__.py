@@ -1,0 +1,1 @@
+"""Experiments recorded earlier on frames that are not kept, read again."""

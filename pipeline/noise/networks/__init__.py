@@ -1,0 +1,1 @@
+"""What the learned noise estimators see of a patch, and the networks that answer from it."""
