@@ -42,7 +42,7 @@ from pipeline.camera.processing.develop import grey  # noqa: E402
 from pipeline.camera.quantise import to_8bit  # noqa: E402
 from pipeline.condition import Condition, ConditionMonitor  # noqa: E402
 from pipeline.condition.verdict import AXES, BAD_BLUR, blurred_fraction, directed, grade, is_partly_blurred  # noqa: E402
-from pipeline.datasets.pictures import SUFFIXES, read_grey8  # noqa: E402
+from pipeline.datasets.decoding.pictures import SUFFIXES, read_grey8  # noqa: E402
 from pipeline.datasets.selection import evenly_spread  # noqa: E402
 from pipeline.errors import InputError  # noqa: E402
 from pipeline.streams import stream  # noqa: E402

@@ -41,9 +41,9 @@ from pipeline.condition import ConditionMonitor  # noqa: E402
 from pipeline.control.advice import advise, usual_camera  # noqa: E402
 from pipeline.control.observation import brightness  # noqa: E402
 from pipeline.control.performance import Performance  # noqa: E402
-from pipeline.control.precision.worst_case import expected_with  # noqa: E402
 from pipeline.control.state import BASE_ISO, CameraState  # noqa: E402
-from pipeline.datasets.pictures import read_grey8  # noqa: E402
+from pipeline.control.worst_case import expected_with  # noqa: E402
+from pipeline.datasets.decoding.pictures import read_grey8  # noqa: E402
 from pipeline.datasets.selection import evenly_spread  # noqa: E402
 
 if TYPE_CHECKING:

@@ -48,8 +48,8 @@ from pipeline.camera.processing.codec import VIDEO, Codec, store  # noqa: E402
 from pipeline.camera.saturation import saturated_fraction  # noqa: E402
 from pipeline.condition import ConditionMonitor  # noqa: E402
 from pipeline.datasets import open_dataset  # noqa: E402
+from pipeline.datasets.decoding.pictures import read_grey8  # noqa: E402
 from pipeline.datasets.patches import Patch, cut  # noqa: E402
-from pipeline.datasets.pictures import read_grey8  # noqa: E402
 from pipeline.datasets.selection import evenly_spread  # noqa: E402
 from pipeline.errors import InputError  # noqa: E402
 from pipeline.noise.base import COMPRESSED  # noqa: E402

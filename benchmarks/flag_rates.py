@@ -24,7 +24,7 @@ from pipeline.condition.dead_lines import dead_lines
 from pipeline.condition.frame_flags import BANDED_DN, IMPULSE_FRACTION
 from pipeline.condition.impulses import impulse_fraction
 from pipeline.condition.row_noise import column_noise_dn, row_noise_dn
-from pipeline.datasets.pictures import SUFFIXES, read_grey8
+from pipeline.datasets.decoding.pictures import SUFFIXES, read_grey8
 from pipeline.streams import stream
 
 Frame = NDArray[np.uint8]

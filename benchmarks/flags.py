@@ -45,7 +45,7 @@ from pipeline.camera.blur import blur  # noqa: E402
 from pipeline.camera.quantise import to_8bit  # noqa: E402
 from pipeline.cluster_intervals import bias_corrected, resamples  # noqa: E402
 from pipeline.condition import ConditionMonitor  # noqa: E402
-from pipeline.datasets.pictures import read_grey, read_grey8  # noqa: E402
+from pipeline.datasets.decoding.pictures import read_grey, read_grey8  # noqa: E402
 from pipeline.noise.real_noise import cleaned, pairs  # noqa: E402
 from pipeline.streams import stream  # noqa: E402
 

@@ -36,14 +36,14 @@ import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 
 from pipeline import noise  # noqa: E402
-from pipeline.camera import emva1288  # noqa: E402
+from pipeline.camera.characterisation import emva1288  # noqa: E402
 from pipeline.camera.exposure import Camera  # noqa: E402
 from pipeline.camera.sensor import named  # noqa: E402
 from pipeline.camera.tone_curve import decode  # noqa: E402
 from pipeline.condition.estimate import noise_of_frame  # noqa: E402
 from pipeline.condition.noise_budget import DEPARTURES, noise_budget  # noqa: E402
-from pipeline.datasets.pictures import read_grey8  # noqa: E402
-from pipeline.datasets.raw_frames import raw_frames  # noqa: E402
+from pipeline.datasets.decoding.pictures import read_grey8  # noqa: E402
+from pipeline.datasets.decoding.raw_frames import raw_frames  # noqa: E402
 from pipeline.datasets.selection import evenly_spread  # noqa: E402
 from pipeline.recording.measured_sensor import measured_sensor  # noqa: E402
 from pipeline.streams import stream  # noqa: E402

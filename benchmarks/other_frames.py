@@ -12,8 +12,8 @@ frames with the calibration to the other half. Patches are those over labelled o
 calibrated to tiles all over its sharp frames, which shows how much it matters what they show. The frames evaluated are
 blurred
 
-    table_one   by the kernels of Table I: the paper's own, in FOLDER (`pipeline.camera.paper_kernels`), or generated
-                ones like them (``match="paper"``)
+    table_one   by the kernels of Table I: those of the paper, in FOLDER (`pipeline.camera.psf.paper_kernels`), or
+                generated ones like them (``match="paper"``)
     noisy       by discs and lines like the paper's, then with dark-current shot noise of 25 DN
     optics      by rendered optics (benchmarks/rendered_psf.py), none of which a network was trained on; spectral only
 
@@ -45,7 +45,7 @@ from benchmarks.noisy_blur import SOURCE as NOISE_SOURCE  # noqa: E402
 from benchmarks.noisy_blur import table_one_samples  # noqa: E402
 from benchmarks.unseen_kernels import configuration, indexed  # noqa: E402
 from pipeline import blur  # noqa: E402
-from pipeline.camera import paper_kernels  # noqa: E402
+from pipeline.camera.psf import paper_kernels  # noqa: E402
 from pipeline.camera.psf.bank import bank  # noqa: E402
 from pipeline.condition.structure import structureless  # noqa: E402
 from pipeline.datasets.patches import BLUR_PX, cut, tiles  # noqa: E402

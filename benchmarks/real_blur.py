@@ -38,8 +38,8 @@ from pipeline import blur  # noqa: E402
 from pipeline.camera import mtf  # noqa: E402
 from pipeline.camera.quantise import to_8bit  # noqa: E402
 from pipeline.cluster_intervals import cluster_mean  # noqa: E402
+from pipeline.datasets.decoding.pictures import read_grey8  # noqa: E402
 from pipeline.datasets.patches import BLUR_PX, cut, tiles  # noqa: E402
-from pipeline.datasets.pictures import read_grey8  # noqa: E402
 from pipeline.errors import InputError  # noqa: E402
 from pipeline.noise.real_noise import pairs  # noqa: E402
 from pipeline.recording.provenance import content_sha256  # noqa: E402

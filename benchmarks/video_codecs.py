@@ -36,9 +36,9 @@ from pipeline import noise  # noqa: E402
 from pipeline.camera.processing.codec import Codec, video_file  # noqa: E402
 from pipeline.cli.frames.pictures import read  # noqa: E402
 from pipeline.condition import noise_of_frame  # noqa: E402
-from pipeline.datasets.pictures import read_grey8  # noqa: E402
+from pipeline.datasets.decoding.pictures import read_grey8  # noqa: E402
+from pipeline.datasets.decoding.video_coding import UNKNOWN, Coding  # noqa: E402
 from pipeline.datasets.selection import evenly_spread  # noqa: E402
-from pipeline.datasets.video_coding import UNKNOWN, Coding  # noqa: E402
 from pipeline.streams import stream  # noqa: E402
 
 if TYPE_CHECKING:

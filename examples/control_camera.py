@@ -22,8 +22,8 @@ from pipeline import control
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera
 from pipeline.control.state import CameraState, DelayLine, Limits
-from pipeline.datasets.video import read_video
-from pipeline.datasets.video_coding import UNKNOWN, Coding
+from pipeline.datasets.decoding.video import read_video
+from pipeline.datasets.decoding.video_coding import UNKNOWN, Coding
 from pipeline.errors import InputError
 
 SURFACE = Path("data/control_surface/all.npz")

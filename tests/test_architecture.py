@@ -1,7 +1,9 @@
 """The shape of the house: floors, file sizes, where randomness begins, what a light command may import."""
 
 import ast
+import collections
 import functools
+import graphlib
 import statistics
 import subprocess
 import sys
@@ -14,6 +16,7 @@ from pipeline.cli import COMMANDS
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "pipeline"
 FILES = sorted(PACKAGE.rglob("*.py"))
+PACKAGES = sorted(path.parent.name for path in PACKAGE.glob("*/__init__.py"))
 
 FLOORS = {
     "errors": 0, "streams": 0, "store": 0, "registry": 0, "executor": 0, "statistics": 0, "tables": 0, "settings": 0,
@@ -114,6 +117,22 @@ def test_the_command_line_has_floors_too_and_no_command_imports_another(path):
             floor, other = CLI_FLOORS[selected], CLI_FLOORS[below[0]]
             reached = f"{path.relative_to(ROOT)}:{line} reaches from {selected} to {below[0]}"
             assert other < floor or other == floor == 0, reached
+
+
+@pytest.mark.parametrize("name", sorted(set(PACKAGES) - {"report"}))  # there, sections quote claims and claims sections
+def test_the_parts_of_a_package_do_not_import_each_other_in_circles(name):
+    imports_of = {}
+    for path in (PACKAGE / name).rglob("*.py"):
+        part = Path(path.relative_to(PACKAGE / name).parts[0]).stem
+        below = {parts[2] for parts, _ in imported(path) if parts[1] == name and len(parts) > 2}
+        imports_of.setdefault(part, set()).update(below - {part})
+    tuple(graphlib.TopologicalSorter(imports_of).static_order())  # CycleError names the circle
+
+
+def test_folders_can_be_overlooked():
+    modules = collections.Counter(path.parent for path in FILES if path.name != "__init__.py")
+    del modules[PACKAGE / "stages"]  # one file per stage
+    assert max(modules.values()) <= 25, max(modules, key=modules.get)
 
 
 def test_every_command_is_a_file_of_its_name():

@@ -11,7 +11,7 @@ import composed
 import numpy as np
 import pytest
 
-from pipeline.camera import kernel_bank
+from pipeline.camera.psf import configured_bank as kernel_bank
 from pipeline.config.schema import Config
 from pipeline.executor import run_map
 from pipeline.experiments import calibrate

@@ -239,7 +239,8 @@ class ConditionMonitor:
             image: (H, W) float in [0, 1], grey levels as the camera encoded them (not linear light).
             codec: of the video that it is a frame of, by FFmpeg's name, where that is known, e.g. ``"hevc"``, or its
                 four-character code; of some, weak noise is not estimated (`pipeline.condition.video_codecs`).
-            quantiser: how coarsely it quantised the frame, where that is known (`pipeline.datasets.video_coding`).
+            quantiser: how coarsely it quantised the frame, where that is known
+                (`pipeline.datasets.decoding.video_coding`).
 
         Returns:
             the condition; blur abstains with a frame smaller than 192 px.

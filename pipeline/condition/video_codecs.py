@@ -8,8 +8,8 @@ which what may be hidden is added in squares:
 
     most noise = sqrt(high^2 + hidden^2)
 
-What may be hidden grows with the quantiser q (`pipeline.datasets.video_coding`), linearly from 0 to the most that was
-seen, and is the latter where q is unknown:
+What may be hidden grows with the quantiser q (`pipeline.datasets.decoding.video_coding`), linearly from 0 to the most
+that was seen, and is the latter where q is unknown:
 
     hidden = most * clip((q - first) / (last - first), 0, 1)
 

@@ -22,8 +22,8 @@ from pipeline.control.performance import Performance
 from pipeline.control.policies.iopc_optimal import IopcOptimal
 from pipeline.control.policy import ControlledCamera
 from pipeline.control.precision.expected_precision import ExpectedPrecision, expected_at, interval_between
-from pipeline.control.precision.worst_case import BoundedDecision, decide_within
 from pipeline.control.state import BASE_ISO, CameraState, Limits
+from pipeline.control.worst_case import BoundedDecision, decide_within
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class Advice:
         best_exposure_ms, best_iso: advised settings, inside the limits.
         best_ap_percent, gain_percent: average precision expected there, and how much more that is; of other settings
             the least of any noise up to a bound and any motion within an uncertain interval
-            (`pipeline.control.precision.worst_case`), of those kept ``ap_percent`` and 0.
+            (`pipeline.control.worst_case`), of those kept ``ap_percent`` and 0.
         undecided: whether the settings are kept because what is unknown decides.
         action: kind of decision (`pipeline.control.decision.Action`).
         reason: one sentence.

@@ -51,7 +51,7 @@ class Controller:
             frame: (H, W) float in [0, 1], grey, encoded, NumPy or torch.
             state: settings it was taken with.
             codec: that it was stored by; empty for that of the stream.
-            quantiser: how coarsely that quantised it, where it is known (`pipeline.datasets.video_coding`).
+            quantiser: how coarsely that quantised it, where it is known (`pipeline.datasets.decoding.video_coding`).
 
         Raises:
             InputError: not such a frame or codec, or the policy decides on settings that its camera cannot have.
@@ -88,5 +88,5 @@ def _coding(driver: Driver) -> tuple[str, int | None]:
     if coding is None:
         return "", None
     if not (hasattr(coding, "codec") and hasattr(coding, "quantiser")):
-        raise InputError(f"driver: coding is {coding!r}; expected a pipeline.datasets.video_coding.Coding")
+        raise InputError(f"driver: coding is {coding!r}; expected a pipeline.datasets.decoding.video_coding.Coding")
     return coding.codec, coding.quantiser

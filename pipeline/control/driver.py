@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pipeline.control.state import CameraState
 
 if TYPE_CHECKING:
-    from pipeline.datasets.video_coding import Coding
+    from pipeline.datasets.decoding.video_coding import Coding
 
 
 class Driver(Protocol):

@@ -8,10 +8,10 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar
 
+from pipeline.datasets.decoding.pictures import SUFFIXES, picture_size
 from pipeline.datasets.frame import Box, Frame
 from pipeline.datasets.labels import BadLabels, refuse_not_finite, refuse_reversed, tidy
 from pipeline.datasets.passed_over import what_lies_there
-from pipeline.datasets.pictures import SUFFIXES, picture_size
 from pipeline.datasets.whitelist import read_whitelist, select
 from pipeline.errors import InputError
 

@@ -100,7 +100,7 @@ class Frame:
                 )
 
     def image(self) -> np.ndarray:
-        """The picture as grey levels: (H, W) float32 in [0, 1]. See `pipeline.datasets.pictures.read_grey`."""
-        from pipeline.datasets.pictures import read_grey
+        """The picture as grey levels: (H, W) float32 in [0, 1]. See `pipeline.datasets.decoding.pictures.read_grey`."""
+        from pipeline.datasets.decoding.pictures import read_grey
 
         return read_grey(self.path)

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Set
 from pathlib import Path
 
-from pipeline.datasets.pictures import SUFFIXES
+from pipeline.datasets.decoding.pictures import SUFFIXES
 from pipeline.errors import printable
 
 _MOST = 3  # folders and suffixes named

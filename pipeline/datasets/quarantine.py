@@ -35,9 +35,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pipeline.datasets.dataset import Dataset
+from pipeline.datasets.decoding.pictures import BadPicture, Picture, read_picture
 from pipeline.datasets.frame import Frame
 from pipeline.datasets.patches import BLUR_PX
-from pipeline.datasets.pictures import BadPicture, Picture, read_picture
 from pipeline.errors import InputError
 from pipeline.executor import run_map
 

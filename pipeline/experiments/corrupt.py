@@ -87,7 +87,7 @@ class SharpFrame:
     @cached_property
     def earlier(self) -> list[SharpFrame]:
         """The frames before this one, the oldest first; none unless all are of its size."""
-        from pipeline.datasets.pictures import read_grey
+        from pipeline.datasets.decoding.pictures import read_grey
 
         frames = []
         for back, path in enumerate(self.frame.previous):

@@ -20,7 +20,7 @@ then reads less than there is or nothing; the second network does not. So it is 
 noise that looks smoothed (`SMOOTHED`). Sharpening, in a camera or by scaling with cubic and wider kernels,
 leaves noise strongest in its finest part, of which `cellwise` reads 10 to 45 % too much; the second network does not.
 Traces of a codec are steps at block edges, vanished fine detail (`compressed`) and quantised transform blocks
-(`pipeline.noise.traces.block_quantisation`). The mean and its interval, with what neither network can rule out, are
+(`pipeline.noise.block_quantisation`). The mean and its interval, with what neither network can rule out, are
 those of `pipeline.noise.joint_answer`.
 
 There is no answer (`pipeline.noise.abstentions`) where
@@ -61,6 +61,7 @@ from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.errors import InputError
 from pipeline.noise.abstentions import UNDETECTED_LOW_DN, Evidence, reasons
 from pipeline.noise.base import Measured
+from pipeline.noise.block_quantisation import at_corner
 from pipeline.noise.cell_mapper import CellMapper
 from pipeline.noise.cellwise import RELEASED as RELEASED_CELLWISE
 from pipeline.noise.cellwise import SATURATED_FRACTION, Cellwise
@@ -79,7 +80,6 @@ from pipeline.noise.networks.correlated_features import (
     principal_noise_dn,
 )
 from pipeline.noise.traces.alternation import alternating
-from pipeline.noise.traces.block_quantisation import at_corner
 from pipeline.noise.traces.codec import Traces, codec_traces
 from pipeline.noise.traces.demosaicing import lattice_contrast
 from pipeline.noise.traces.streaks import streaked

@@ -33,8 +33,8 @@ from numpy.typing import NDArray
 
 from pipeline.answers import asked
 from pipeline.cluster_intervals import cluster_mean
+from pipeline.datasets.decoding.pictures import SUFFIXES, read_grey8
 from pipeline.datasets.patches import Patch, cut, tiles
-from pipeline.datasets.pictures import SUFFIXES, read_grey8
 from pipeline.errors import InputError
 from pipeline.streams import stream
 

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import noise as noise_estimators
-from pipeline.camera import kernel_bank
+from pipeline.camera.psf import configured_bank as kernel_bank
 from pipeline.camera.psf import stored
 from pipeline.datasets.index import Index, index
 from pipeline.datasets.open import open_section

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import blur, noise, store
-from pipeline.camera.paper_kernels import PaperKernel
+from pipeline.camera.psf.paper_kernels import PaperKernel
 from pipeline.errors import InputError
 from pipeline.store import file_sha256
 from pipeline.weight_files import active

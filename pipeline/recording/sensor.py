@@ -17,7 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.datasets.raw_frames import raw_frames
+from pipeline.datasets.decoding.raw_frames import raw_frames
 from pipeline.experiments.real_noise.experiment import Kinds, measure_raw
 from pipeline.experiments.real_noise.records import (
     DARK_FILE,

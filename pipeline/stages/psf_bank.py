@@ -9,8 +9,8 @@ from pipeline.config.entry import Run, stage
 def run(run: Run) -> None:
     """Draw or load the kernels, sample their MTF, write both and a summary."""
     from pipeline import store
-    from pipeline.camera.kernel_bank import configured
     from pipeline.camera.psf import stored
+    from pipeline.camera.psf.configured_bank import configured
     from pipeline.linked_folders import refuse_linked_folders
 
     psf = run.params.psf

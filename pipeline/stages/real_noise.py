@@ -14,7 +14,7 @@ def run(run: Run) -> None:
     from pathlib import Path
 
     from pipeline import store
-    from pipeline.datasets.raw_frames import raw_frames
+    from pipeline.datasets.decoding.raw_frames import raw_frames
     from pipeline.errors import InputError
     from pipeline.experiments.real_noise import tables as tables
     from pipeline.experiments.real_noise.experiment import measure_pairs, measure_raw, real_noise_metrics

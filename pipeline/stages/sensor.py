@@ -9,7 +9,7 @@ from pipeline.config.entry import Run, stage
 def run(run: Run) -> None:
     """Measure the sensor by drawing from it; write the numbers and the metrics."""
     from pipeline import store
-    from pipeline.camera.moments import moments, simulated_transfer, transfer_rows
+    from pipeline.camera.characterisation.moments import moments, simulated_transfer, transfer_rows
 
     sensor = run.params.camera.sensor
     result = moments(sensor, run.params.seed)

@@ -11,8 +11,8 @@ def run(run: Run) -> None:
     import numpy as np
 
     from pipeline import store
+    from pipeline.camera.characterisation.star import measure
     from pipeline.camera.quantise import to_8bit
-    from pipeline.camera.star import measure
     from pipeline.scenes.lens import true_mtf
     from pipeline.scenes.star import render_star, star_geometry
 

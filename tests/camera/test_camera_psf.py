@@ -247,7 +247,7 @@ def test_bank_draws_one_motion_for_all_rotations() -> None:
 
 @pytest.mark.shared
 def test_paper_match_is_close_to_the_papers_kernels(shared) -> None:  # type: ignore[no-untyped-def]
-    from pipeline.camera import paper_kernels
+    from pipeline.camera.psf import paper_kernels
 
     truth = {k.name: mtf.sample(k.psf) for k in paper_kernels.load(shared / "vectors/kernels")}
     limits = {"defocus": 6.5, "linear_motion": 2.5}

@@ -7,7 +7,7 @@ from click.testing import CliRunner
 
 from pipeline.cli import main
 from pipeline.cli.addresses import without_credentials
-from pipeline.datasets.video_decoder import BadVideo
+from pipeline.datasets.decoding.video_decoder import BadVideo
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_the_password_of_a_part_of_a_stream_is_in_no_error(monkeypatch):
     def refuse(address, **options):  # as FFmpeg states it
         raise BadVideo(address, "Error when loading first segment 'http://user:secret@camera/0.ts'")
 
-    monkeypatch.setattr("pipeline.datasets.video_decoder.Decoder", refuse)
+    monkeypatch.setattr("pipeline.datasets.decoding.video_decoder.Decoder", refuse)
     done = CliRunner().invoke(main, ["watch", "http://user:secret@camera/list.m3u8", "--noise", "pca"])
     assert done.exit_code == 2 and "secret" not in done.output and "segment 'http://camera/0.ts'" in done.output
 

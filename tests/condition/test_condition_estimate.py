@@ -21,8 +21,8 @@ from pipeline.camera.psf import create
 from pipeline.condition import ConditionMonitor, estimate, noise_of_frame
 from pipeline.condition.coarse_grain import most_coarse_noise_dn
 from pipeline.condition.estimate import readable_patches
+from pipeline.datasets.decoding.pictures import read_grey8
 from pipeline.datasets.patches import cut, tiles
-from pipeline.datasets.pictures import read_grey8
 from pipeline.errors import InputError
 from pipeline.noise.base import FLAT, REQUIRED, UNCERTAIN, NoiseEstimate
 from pipeline.streams import stream

@@ -85,7 +85,7 @@ def test_neither_a_bright_smooth_area_nor_a_picture_without_structure_is_obstruc
 
 @pytest.mark.shared
 def test_clear_street_pictures_are_not_obstructed(shared):
-    from pipeline.datasets.pictures import read_grey
+    from pipeline.datasets.decoding.pictures import read_grey
 
     files = sorted((shared / "realdata/kitti_more/training/image_2").glob("*.png"))[::7]
     files += sorted((shared / "realdata/pennfudan/PNGImages").glob("*.png"))[::9]
@@ -172,7 +172,7 @@ def test_in_a_dim_frame_shadows_do_not_count_as_an_obstruction():
 @pytest.mark.shared
 def test_scenes_have_no_dead_lines(shared):
     """Stairs and tiles of PolyU among them, whose edges cross the whole crop."""
-    from pipeline.datasets.pictures import read_grey
+    from pipeline.datasets.decoding.pictures import read_grey
 
     folder = shared / "realdata"
     files = [*sorted((folder / "polyu").glob("*_real.*"))[::3], *sorted((folder / "kitti_more").rglob("*.png"))[::7]]

@@ -11,7 +11,7 @@ from pipeline.camera.processing.codec import Codec
 from pipeline.condition import ConditionMonitor, noise_of_frame
 from pipeline.condition.estimate import withheld
 from pipeline.condition.video_codecs import HIDDEN, READ_FROM_DN, hidden_noise_dn, is_doubtful
-from pipeline.datasets.video_coding import CODECS, Coding
+from pipeline.datasets.decoding.video_coding import CODECS, Coding
 from pipeline.errors import InputError
 from pipeline.noise.base import COMPRESSED, NoiseEstimate
 

@@ -16,7 +16,7 @@ from pipeline.condition import ConditionMonitor
 from pipeline.control.decision import Action, Decision
 from pipeline.control.policy import ControlledCamera, Policy
 from pipeline.control.state import CameraState, DelayLine, Limits
-from pipeline.datasets.video_coding import Coding
+from pipeline.datasets.decoding.video_coding import Coding
 from pipeline.errors import InputError
 from pipeline.streams import stream
 

@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from pipeline.datasets.decoding.pictures import read_grey
 from pipeline.datasets.image_statistics import measure, radial_power, ring_power, spectrum_slope
-from pipeline.datasets.pictures import read_grey
 from pipeline.datasets.power_spectrum import power_spectrum
 from pipeline.streams import stream
 

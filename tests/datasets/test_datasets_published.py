@@ -20,7 +20,7 @@ from data_makers import picture
 from download_server import Server, serving
 
 from pipeline import datasets
-from pipeline.camera import paper_kernels
+from pipeline.camera.psf import paper_kernels
 from pipeline.config.compose import compose
 from pipeline.datasets import published
 from pipeline.datasets.published import TABLE, Archive, PublishedData

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from pipeline import datasets
+from pipeline.datasets.decoding.pictures import read_grey8
 from pipeline.datasets.folder import read_box_labels
 from pipeline.datasets.index import index
 from pipeline.datasets.labels import CLIPPED
-from pipeline.datasets.pictures import read_grey8
 from pipeline.datasets.quarantine import COLOUR, scan
 from pipeline.errors import InputError
 

@@ -55,11 +55,13 @@ def test_nothing_is_to_be_added_or_removed():
 
 
 def test_a_missing_and_a_needless_line_are_named_and_mended():
-    broken = TEXT.replace("pipeline/stages/star.py, ", "", 1).replace("pipeline/camera/star.py", "pipeline/cli", 1)
+    broken = TEXT.replace("pipeline/stages/star.py, ", "", 1).replace(
+        "pipeline/camera/characterisation/star.py", "pipeline/cli", 1
+    )
     problems = dvc_yaml.differences(broken, PARAMS)
     assert problems == [
         "dvc.yaml: stage 'star': add to deps:  - pipeline/stages/star.py",
-        "dvc.yaml: stage 'star': add to deps:  - pipeline/camera/star.py",
+        "dvc.yaml: stage 'star': add to deps:  - pipeline/camera/characterisation/star.py",
         "dvc.yaml: stage 'star': remove from deps:  - pipeline/cli",
     ]
     assert dvc_yaml.rewritten(broken, PARAMS) == TEXT

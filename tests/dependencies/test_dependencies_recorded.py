@@ -35,13 +35,15 @@ def test_processes_execute_and_open_what_is_declared(project):
         subprocess.run(command, cwd=top, env=environment, check=True, capture_output=True)
     records = compare.records(top / "records")
     assert {record["stage"][0].rpartition(".")[2] for record in records} == {"sensor", "psf_bank", "refit", "index"}
-    assert any("pipeline/camera/moments.py" in record["executed"] for record in records)
+    assert any("pipeline/camera/characterisation/moments.py" in record["executed"] for record in records)
     assert any("data/paper/fitted_ap_grid.csv" in record["opened"] for record in records)
     assert compare.problems(records, top) == []
     graph = (top / "dvc.yaml").read_text()
-    (top / "dvc.yaml").write_text(graph.replace("pipeline/camera/moments.py,", "", 1).replace("data/paper/fitted", "x"))
+    (top / "dvc.yaml").write_text(
+        graph.replace("pipeline/camera/characterisation/moments.py,", "", 1).replace("data/paper/fitted", "x")
+    )
     missing = compare.problems(records, top)
-    assert "sensor: executes pipeline/camera/moments.py, which is not in deps" in missing
+    assert "sensor: executes pipeline/camera/characterisation/moments.py, which is not in deps" in missing
     assert "refit: opens data/paper/fitted_ap_grid.csv, which is not in deps or outs" in missing
 
 

@@ -11,8 +11,8 @@ from pipeline.blur.denoise import Denoised
 from pipeline.camera import mtf
 from pipeline.camera.psf.defocus import create as disc
 from pipeline.camera.settings import CameraSettings
+from pipeline.datasets.decoding.pictures import read_grey
 from pipeline.datasets.patches import cut, object_patches, tiles
-from pipeline.datasets.pictures import read_grey
 from pipeline.experiments.calibrate import divide_out_filter, divided_by_sharp
 from pipeline.experiments.combined import DISC, blur_cells, sigma_cells, with_expected
 from pipeline.experiments.condition import Condition, Subset, grid

@@ -26,19 +26,19 @@ from PIL import Image
 
 from pipeline.blur.camera_calibration import Calibration
 from pipeline.blur.fusion.camera import FusionMap
-from pipeline.camera.paper_kernels import read_psf
 from pipeline.camera.processing.codec import VIDEO, video_file
+from pipeline.camera.psf.paper_kernels import read_psf
 from pipeline.cli.calibration import camera_store
 from pipeline.cli.commands.report import metrics
 from pipeline.cli.frames.shot_settings import exif
 from pipeline.control.performance import Performance
 from pipeline.curves import Surface
+from pipeline.datasets.decoding.pictures import read_picture
+from pipeline.datasets.decoding.video import read_video
 from pipeline.datasets.folder import read_box_labels
 from pipeline.datasets.kitti import read_kitti_labels
-from pipeline.datasets.pictures import read_picture
 from pipeline.datasets.sim import Sim
 from pipeline.datasets.udacity import read_autti_labels, read_crowdai_labels
-from pipeline.datasets.video import read_video
 from pipeline.datasets.whitelist import read_whitelist
 from pipeline.detection.onnx_model import OnnxModel
 from pipeline.errors import InputError

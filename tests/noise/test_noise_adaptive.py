@@ -15,7 +15,7 @@ from pipeline import noise
 from pipeline.camera.processing import codec, presets, temporal_noise
 from pipeline.camera.processing.develop import grey
 from pipeline.condition import ConditionMonitor
-from pipeline.datasets.pictures import read_grey8
+from pipeline.datasets.decoding.pictures import read_grey8
 from pipeline.errors import InputError
 from pipeline.noise import adaptive
 from pipeline.noise.abstentions import FORESHORTENED, WEAK_DN

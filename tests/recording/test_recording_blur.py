@@ -14,7 +14,7 @@ import pytest
 from data_makers import make_folder, make_kitti
 
 from pipeline import store, tables
-from pipeline.camera import kernel_bank
+from pipeline.camera.psf import configured_bank as kernel_bank
 from pipeline.camera.psf import stored
 from pipeline.config.schema import Config
 from pipeline.datasets.index import index

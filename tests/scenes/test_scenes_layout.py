@@ -13,9 +13,9 @@ from pipeline.scenes.layout.hills import hills
 from pipeline.scenes.layout.plan import Key
 from pipeline.scenes.layout.road import Road
 from pipeline.scenes.layout.site import Footprint, Site, footprint_of
+from pipeline.scenes.layout.traffic import Along, Stance, Straight
 from pipeline.scenes.objects.base import Surface
 from pipeline.scenes.shapes import box
-from pipeline.scenes.traffic import Along, Stance, Straight
 
 BEND = Road(5.0, 1 / 80.0, 15.0, 25.0)
 

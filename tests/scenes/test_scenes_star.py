@@ -56,7 +56,8 @@ def test_the_star_is_where_its_geometry_says():
 
 def test_the_measurement_of_floor_one_finds_the_stated_mtf():
     """By an independent method, per direction, at the paper's eight frequencies: within 0.005."""
-    from pipeline.camera import mtf, star
+    from pipeline.camera import mtf
+    from pipeline.camera.characterisation import star
 
     image = render_star(3)
     geometry = star_geometry()

@@ -55,7 +55,7 @@ def create(
         generator: needed by ``"nonlinear_motion"``.
         camera: ``"authors"`` draws defocus as the paper's program does, off centre and about one pixel too wide.
             Motion is the same with either: the authors' motion kernels were picked by hand from random draws and
-            can only be loaded (`pipeline.camera.paper_kernels`).
+            can only be loaded (`pipeline.camera.psf.paper_kernels`).
         options: keyword options of the kind; see its module.
 
     Returns:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pipeline.cli.analysis.frame import Estimated, FrameAnalysis
-    from pipeline.datasets.video_coding import Coding
+    from pipeline.datasets.decoding.video_coding import Coding
 
 WAITING = 1
 """Frames decoded that no thread estimates yet."""

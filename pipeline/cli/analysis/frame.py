@@ -9,7 +9,7 @@ from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.datasets.video_coding import UNKNOWN, Coding
+from pipeline.datasets.decoding.video_coding import UNKNOWN, Coding
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:

@@ -1,7 +1,7 @@
 """The MTF of a camera from pictures of a chart, slanted edges or a Siemens star, for ``camera-monitor calibrate``.
 
-Measuring is that of `pipeline.camera.slanted_edge` and `pipeline.camera.star`; here pictures that do not show such a
-chart are refused, in the words of the command's options.
+Measuring is that of `pipeline.camera.characterisation.slanted_edge` and `pipeline.camera.characterisation.star`; here
+pictures that do not show such a chart are refused, in the words of the command's options.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ def edge_mtf(
     import click
     import numpy as np
 
+    from pipeline.camera.characterisation.slanted_edge import ROUND_BLUR_TILT_DEG, EdgeMtf, measure
     from pipeline.camera.mtf import DIRECTIONS
-    from pipeline.camera.slanted_edge import ROUND_BLUR_TILT_DEG, EdgeMtf, measure
     from pipeline.errors import InputError
 
     edges: dict[str, list[EdgeMtf]] = {direction: [] for direction in DIRECTIONS}
@@ -128,8 +128,8 @@ def star_mtf(frames: list[tuple[str, NDArray[np.float32]]], rays: int) -> NDArra
     """
     import numpy as np
 
-    from pipeline.camera import star
-    from pipeline.camera.star_centre import point_of_symmetry
+    from pipeline.camera.characterisation import star
+    from pipeline.camera.characterisation.star_centre import point_of_symmetry
     from pipeline.errors import InputError
 
     if rays % 2:
@@ -169,7 +169,7 @@ def _check_star(name: str, image: NDArray[np.float32], centre_px: tuple[float, f
     """Raises InputError unless a picture shows a Siemens star of that number of rays, large enough."""
     import numpy as np
 
-    from pipeline.camera import star
+    from pipeline.camera.characterisation import star
     from pipeline.errors import InputError
 
     radius_px = star.lowest_circle_px(rays)

@@ -36,8 +36,8 @@ def command(kind: str, root: Path | None, max_rejected_fraction: float) -> None:
     that would be set aside and why.
     """
     from pipeline.datasets import open_dataset
+    from pipeline.datasets.decoding.pictures import SUFFIXES
     from pipeline.datasets.passed_over import files_below
-    from pipeline.datasets.pictures import SUFFIXES
     from pipeline.datasets.quarantine import scan
     from pipeline.experiments.class_maps import mistaken_words
 
@@ -79,16 +79,16 @@ def other_formats(root: Path) -> Counter[str]:
         root: the folder; see `pipeline.datasets.passed_over.files_below`.
     """
     from pipeline.cli.frames.formats import PICTURES, UNREAD
+    from pipeline.datasets.decoding.pictures import SUFFIXES
     from pipeline.datasets.passed_over import files_below
-    from pipeline.datasets.pictures import SUFFIXES
 
     return Counter(path.suffix.lower() for path in files_below(root, (PICTURES | UNREAD) - SUFFIXES))
 
 
 def pictures_beside(root: Path, searched: Path) -> list[Path]:
     """Pictures of a dataset's folder that are not in the sub-folder that its frames are read from; none without one."""
+    from pipeline.datasets.decoding.pictures import SUFFIXES
     from pipeline.datasets.passed_over import files_below
-    from pipeline.datasets.pictures import SUFFIXES
 
     return [path for path in files_below(root, SUFFIXES) if not path.is_relative_to(searched)]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.datasets import video
-from pipeline.datasets.heif import SUFFIXES as HEIF
-from pipeline.datasets.pictures import SUFFIXES
+from pipeline.datasets.decoding import video
+from pipeline.datasets.decoding.heif import SUFFIXES as HEIF
+from pipeline.datasets.decoding.pictures import SUFFIXES
 
 PICTURES = SUFFIXES | HEIF | {".avif", ".gif", ".jp2", ".j2k", ".jpe", ".jfif", ".pbm", ".pnm", ".tga"}
 """Formats of datasets, and others that are read as well."""

@@ -13,8 +13,8 @@ from pipeline.errors import DECODER_ERRORS
 if TYPE_CHECKING:
     from PIL import Image
 
-    from pipeline.datasets.pictures import Picture
-    from pipeline.datasets.video_coding import Coding
+    from pipeline.datasets.decoding.pictures import Picture
+    from pipeline.datasets.decoding.video_coding import Coding
 
 _ORIENTATION = 0x0112
 
@@ -46,9 +46,9 @@ def read_file(path: Path, least_px: int) -> PictureFile:
     Raises:
         BadPicture: it cannot be used.
     """
-    from pipeline.datasets import heif
-    from pipeline.datasets.pictures import read_picture
-    from pipeline.datasets.video_decoder import CURVES
+    from pipeline.datasets.decoding import heif
+    from pipeline.datasets.decoding.pictures import read_picture
+    from pipeline.datasets.decoding.video_decoder import CURVES
 
     if heif.is_heif(path):
         stored = heif.read_heif(path, smallest_px=least_px)
@@ -61,8 +61,8 @@ def read_file(path: Path, least_px: int) -> PictureFile:
 
 def coding_of_picture(path: Path) -> Coding:
     """How a picture was stored: an AVIF file by AV1, a HEIF file mostly by HEVC, others as their pixels show."""
-    from pipeline.datasets.heif import container
-    from pipeline.datasets.video_coding import UNKNOWN, coding_of_items
+    from pipeline.datasets.decoding.heif import container
+    from pipeline.datasets.decoding.video_coding import UNKNOWN, coding_of_items
 
     codec = {"heif": "hevc", "avif": "av1"}.get(container(path))
     return coding_of_items(path).or_by(codec) if codec else UNKNOWN
@@ -76,7 +76,7 @@ def exif(path: Path, group: int) -> Mapping[int, object]:
     """
     from PIL import Image
 
-    from pipeline.datasets import heif
+    from pipeline.datasets.decoding import heif
 
     if heif.is_heif(path):
         tags = Image.Exif()
@@ -88,7 +88,7 @@ def exif(path: Path, group: int) -> Mapping[int, object]:
 
 
 def _opened(path: Path) -> Image.Image:
-    from pipeline.datasets.pictures import open_with_pillow
+    from pipeline.datasets.decoding.pictures import open_with_pillow
 
     with path.open("rb") as file:
         start = file.read(12)

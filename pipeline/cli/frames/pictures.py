@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 from pipeline.cli.frames.formats import VIDEOS, is_unread
 from pipeline.cli.frames.remarks import point_out, video_remarks
-from pipeline.datasets.pictures import SMALLEST_PX
+from pipeline.datasets.decoding.pictures import SMALLEST_PX
 from pipeline.errors import InputError, printable
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from pipeline.datasets.video_coding import Coding
+    from pipeline.datasets.decoding.video_coding import Coding
 
 
 def readable(
@@ -33,7 +33,7 @@ def readable(
     Returns:
         name, (H, W) float32 in [0, 1] or None, the reason where it is None, and how the frame was stored.
     """
-    from pipeline.datasets.video_coding import UNKNOWN
+    from pipeline.datasets.decoding.video_coding import UNKNOWN
 
     hinted = Counter() if hinted is None else hinted
     for path in paths:
@@ -64,7 +64,7 @@ def read(
             after its last good frame, frames are missing or damaged.
     """
     from pipeline.cli.frames.picture_file import coding_of_picture, read_file
-    from pipeline.datasets.video import read_video
+    from pipeline.datasets.decoding.video import read_video
 
     refuse(path)
     hinted = Counter() if hinted is None else hinted

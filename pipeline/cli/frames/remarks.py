@@ -45,9 +45,9 @@ def video_remarks(name: str, hinted: Counter[int]) -> Callable[[str, str], None]
         hinted: see `pipeline.cli.frames.pictures.read`.
 
     Returns:
-        takes a kind and words (`pipeline.datasets.video_decoder.remarks`).
+        takes a kind and words (`pipeline.datasets.decoding.video_decoder.remarks`).
     """
-    from pipeline.datasets.video_decoder import CURVE, TURNED
+    from pipeline.datasets.decoding.video_decoder import CURVE, TURNED
 
     def remark(kind: str, words: str) -> None:
         if kind == TURNED:

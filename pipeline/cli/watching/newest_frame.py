@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pipeline.cli.addresses import without_credentials
-from pipeline.datasets.video_coding import UNKNOWN, Coding
+from pipeline.datasets.decoding.video_coding import UNKNOWN, Coding
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ class _Camera:
 
     def read(self) -> tuple[Levels | None, str] | None:
         """The next frame and no problem; None where the camera delivers nothing."""
-        from pipeline.datasets.video_decoder import grey_frame
+        from pipeline.datasets.decoding.video_decoder import grey_frame
 
         good, frame = self._capture.read()
         return (partial(grey_frame, frame), "") if good else None
@@ -135,7 +135,7 @@ class _Stream:
     """A network stream, or a file by its address."""
 
     def __init__(self, address: str, name: str, remark: Callable[[str, str], None]) -> None:
-        from pipeline.datasets.video_decoder import BadVideo, Decoder
+        from pipeline.datasets.decoding.video_decoder import BadVideo, Decoder
 
         try:
             self._decoder = Decoder(address, timeout_s=STREAM_TIMEOUT_S, threads=0)
@@ -150,7 +150,7 @@ class _Stream:
 
     def read(self) -> tuple[Levels | None, str] | None:
         """The next frame, or why it must not be measured; None where the stream delivers nothing."""
-        from pipeline.datasets.video_decoder import defect, grey_levels, remarks
+        from pipeline.datasets.decoding.video_decoder import defect, grey_levels, remarks
 
         frame = self._decoder.read()
         self._decoder.messages.clear()

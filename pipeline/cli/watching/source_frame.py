@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pipeline.datasets.video_coding import UNKNOWN, Coding
+from pipeline.datasets.decoding.video_coding import UNKNOWN, Coding
 
 if TYPE_CHECKING:
     import numpy as np

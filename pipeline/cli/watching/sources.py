@@ -30,7 +30,7 @@ def open_source(source: str, rate: float, *, wait: bool, stop: threading.Event) 
     Raises:
         InputError: no such source.
     """
-    from pipeline.datasets.video import SUFFIXES
+    from pipeline.datasets.decoding.video import SUFFIXES
 
     if not source:
         raise InputError("SOURCE is empty; expected a camera index, an address (rtsp://...), a video file or a folder")

@@ -34,7 +34,7 @@ def played_video(path: Path, rate: float, stop: threading.Event) -> Iterator[Sou
         stop: ends it.
     """
     from pipeline.cli.frames.remarks import video_remarks
-    from pipeline.datasets.video import read_video
+    from pipeline.datasets.decoding.video import read_video
 
     pace = _Pace(rate)
     with contextlib.closing(read_video(path, due=pace.due, remark=video_remarks(str(path), Counter()))) as frames:

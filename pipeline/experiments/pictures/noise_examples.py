@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from pipeline.answers import asked
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.processing import codec, develop, temporal_noise
+from pipeline.datasets.decoding.pictures import read_grey8
 from pipeline.datasets.patches import tiles
-from pipeline.datasets.pictures import read_grey8
 from pipeline.errors import InputError
 from pipeline.noise.real_noise import TILE_PX, pieces
 from pipeline.streams import stream

@@ -28,10 +28,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.answers import asked
-from pipeline.camera import emva1288
+from pipeline.camera.characterisation import emva1288
 from pipeline.camera.constants import FULL_SCALE_DN
+from pipeline.datasets.decoding.raw_frames import RawFrame
 from pipeline.datasets.patches import tiles
-from pipeline.datasets.raw_frames import RawFrame
 from pipeline.noise import real_noise
 from pipeline.noise.real_noise import COLUMNS, Pair
 

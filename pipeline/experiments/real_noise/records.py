@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.datasets.pictures import read_grey8
+from pipeline.datasets.decoding.pictures import read_grey8
 from pipeline.experiments.real_noise.tables import (
     DARK,
     DARK_MEANS,

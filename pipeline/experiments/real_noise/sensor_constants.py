@@ -1,7 +1,8 @@
 """Constants of a sensor from its raw frames, after EMVA 1288: photon transfer, fixed pattern and dark current.
 
 Each colour plane has its own. The black level of each plane comes from its dark frames and is subtracted before the
-photon transfer, so that the dark noise is the noise at no light. See `pipeline.camera.emva1288` for the equations.
+photon transfer, so that the dark noise is the noise at no light. See `pipeline.camera.characterisation.emva1288` for
+the equations.
 """
 
 from __future__ import annotations
@@ -11,8 +12,8 @@ from dataclasses import dataclass
 from itertools import groupby, pairwise
 from typing import TYPE_CHECKING, Any
 
-from pipeline.camera import emva1288
-from pipeline.datasets.raw_frames import RawFrame
+from pipeline.camera.characterisation import emva1288
+from pipeline.datasets.decoding.raw_frames import RawFrame
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from scipy.fft import dct
 
 from pipeline.noise.base import WHITE_DN
-from pipeline.noise.traces.block_quantisation import block_quantisation
+from pipeline.noise.block_quantisation import block_quantisation
 
 Float = NDArray[np.float32]
 Grey = NDArray[np.uint8]

@@ -1,7 +1,7 @@
 """Traces of a codec in patches, by the statistics that the network for correlated noise takes.
 
 Strong ones are steps at block edges and vanished fine detail (`compressed`); weaker ones are quantised transform blocks
-(`pipeline.noise.traces.block_quantisation`), the weakest of which are but suspected. H.264 leaves no more than that.
+(`pipeline.noise.block_quantisation`), the weakest of which are but suspected. H.264 leaves no more than that.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.noise.block_quantisation import present, suspected
 from pipeline.noise.networks.correlated_features import GRID_START, QUANTISED_START
-from pipeline.noise.traces.block_quantisation import present, suspected
 
 SMOOTH = 0.9  # fraction of vanished coefficients of quantised blocks above which no detail is left to flicker
 VANISHED_COEFFICIENTS = 0.85  # of high-frequency DCT coefficients: a codec has removed them
@@ -25,8 +25,8 @@ class Traces:
 
     Attributes:
         strong: (N,) steps at block edges or vanished fine detail (`compressed`).
-        quantised: (N,) quantised transform blocks (`pipeline.noise.traces.block_quantisation.present`).
-        suspected: (N,) likewise, but too weak to be sure of (`pipeline.noise.traces.block_quantisation.suspected`).
+        quantised: (N,) quantised transform blocks (`pipeline.noise.block_quantisation.present`).
+        suspected: (N,) likewise, but too weak to be sure of (`pipeline.noise.block_quantisation.suspected`).
         detail: (N,) whether coefficients are left in the blocks, which may change from shot to shot.
     """
 

@@ -11,8 +11,8 @@ from pipeline.scenes.layout.hills import hills
 from pipeline.scenes.layout.plan import Key
 from pipeline.scenes.layout.road import Road
 from pipeline.scenes.layout.site import Footprint, Site
+from pipeline.scenes.layout.traffic import Actor, Stance, fixed
 from pipeline.scenes.objects.base import SceneObject
-from pipeline.scenes.traffic import Actor, Stance, fixed
 
 _VIEW_RAD = 0.85  # woods are planted this far to either side of the camera's heading
 

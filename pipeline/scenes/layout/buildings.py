@@ -8,8 +8,8 @@ from pipeline.scenes.layout.ground import PAVEMENT_M
 from pipeline.scenes.layout.plan import Key
 from pipeline.scenes.layout.road import Road
 from pipeline.scenes.layout.site import Footprint, Site, footprint_of
+from pipeline.scenes.layout.traffic import Actor, Stance, fixed
 from pipeline.scenes.objects import fence, house
-from pipeline.scenes.traffic import Actor, Stance, fixed
 
 _FENCE_PIECE_M = 7.0
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from pipeline.scenes.layout.plan import Key
 from pipeline.scenes.layout.site import Footprint, Site, footprint_of
+from pipeline.scenes.layout.traffic import Actor, Stance, Straight, Track, fixed
 from pipeline.scenes.mesh import Mesh
 from pipeline.scenes.objects import bicycle, car, person, tree
 from pipeline.scenes.objects.base import SceneObject
-from pipeline.scenes.traffic import Actor, Stance, Straight, Track, fixed
 from pipeline.streams import stream
 
 CAR_KINDS = ("sedan", "hatch", "suv", "van", "wagon")

@@ -9,8 +9,8 @@ from pipeline.scenes.layout.ground import PAVEMENT_M
 from pipeline.scenes.layout.plan import Key
 from pipeline.scenes.layout.road import Road
 from pipeline.scenes.layout.site import Footprint, Site
+from pipeline.scenes.layout.traffic import Actor, Stance, fixed
 from pipeline.scenes.objects import street_furniture
-from pipeline.scenes.traffic import Actor, Stance, fixed
 
 _LAST_M = 110.0
 _SMALL = ("bin", "bollard", "bench", "letter box", "bin")

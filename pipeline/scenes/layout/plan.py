@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.scenes.layout.traffic import Actor, Track
 from pipeline.scenes.light import Light
 from pipeline.scenes.pose import Pose
 from pipeline.scenes.tone import Tone
-from pipeline.scenes.traffic import Actor, Track
 from pipeline.scenes.world import World
 from pipeline.streams import KeyPart, stream
 

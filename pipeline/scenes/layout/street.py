@@ -15,9 +15,9 @@ from pipeline.scenes.layout.ground_paint import RoadPaint, SoilPaint
 from pipeline.scenes.layout.plan import Camera, Key, Plan, weather
 from pipeline.scenes.layout.road import Road
 from pipeline.scenes.layout.site import Footprint, Site
+from pipeline.scenes.layout.traffic import Actor, Along, Stance, Straight, Track, fixed
 from pipeline.scenes.mesh import join
 from pipeline.scenes.objects.base import SceneObject
-from pipeline.scenes.traffic import Actor, Along, Stance, Straight, Track, fixed
 
 _LANE_M = 1.75
 _GARDEN_M = 30.0

@@ -12,9 +12,9 @@ from pipeline.scenes.layout.ground import plane
 from pipeline.scenes.layout.ground_paint import SoilPaint
 from pipeline.scenes.layout.plan import Camera, Key, Plan, weather
 from pipeline.scenes.layout.site import Footprint, Site, footprint_of
+from pipeline.scenes.layout.traffic import Actor, Stance, Straight, Track, fixed
 from pipeline.scenes.objects import house
 from pipeline.scenes.objects.base import SceneObject
-from pipeline.scenes.traffic import Actor, Stance, Straight, Track, fixed
 
 _HOUSES = 14
 _NEAR_TREES = 14

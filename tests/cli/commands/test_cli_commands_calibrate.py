@@ -17,9 +17,9 @@ from star_makers import synthesise
 from pipeline.blur import camera_calibration, create
 from pipeline.blur.base import WithoutEmptyFrequencies
 from pipeline.blur.spectral import Spectral
+from pipeline.camera.characterisation.slanted_edge import measure
+from pipeline.camera.characterisation.star_centre import point_of_symmetry
 from pipeline.camera.mtf import FREQUENCIES
-from pipeline.camera.slanted_edge import measure
-from pipeline.camera.star_centre import point_of_symmetry
 from pipeline.cli import main
 from pipeline.cli.calibration import camera_store
 from pipeline.cli.calibration.contrast import refuse_without_contrast

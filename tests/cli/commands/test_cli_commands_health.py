@@ -17,7 +17,7 @@ from pipeline.cli import main
 from pipeline.cli.analysis.ahead import WAITING, estimated_ahead
 from pipeline.cli.analysis.rows import NOISE_PARTS, undecided
 from pipeline.cli.options.numbers import LARGEST_MTF50
-from pipeline.datasets.video_coding import Coding
+from pipeline.datasets.decoding.video_coding import Coding
 from pipeline.errors import InputError
 from pipeline.streams import stream
 

@@ -27,7 +27,7 @@ from pipeline.cli.frames.shot_settings import exif
 from pipeline.cli.options.video_codec import NAMED
 from pipeline.cli.watching.folder import filling_folder
 from pipeline.condition.video_codecs import HIDDEN
-from pipeline.datasets.video_coding import UNKNOWN
+from pipeline.datasets.decoding.video_coding import UNKNOWN
 from pipeline.errors import InputError
 
 

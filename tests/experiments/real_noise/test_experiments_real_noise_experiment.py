@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.camera.emva1288 import PLANES
-from pipeline.datasets.raw_frames import raw_frames
+from pipeline.camera.characterisation.emva1288 import PLANES
+from pipeline.datasets.decoding.raw_frames import raw_frames
 from pipeline.errors import InputError
 from pipeline.executor import run_map
 from pipeline.experiments.real_noise import records as real_noise_records

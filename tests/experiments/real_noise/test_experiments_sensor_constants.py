@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.camera.emva1288 import PLANES
-from pipeline.datasets.raw_frames import raw_frames
+from pipeline.camera.characterisation.emva1288 import PLANES
+from pipeline.datasets.decoding.raw_frames import raw_frames
 from pipeline.errors import InputError
 from pipeline.experiments.real_noise.sensor_constants import SensorConstants, sensor_constants
 from pipeline.streams import stream

@@ -2,8 +2,8 @@
 
 A decoder hides damage: a file that is cut short ends early, a broken block is filled with its neighbours. Here the
 frames decoded are compared with the number the file declares, and the decoder's error messages are collected.
-Interlaced frames are not measured: their two fields are pictures of two moments. `pipeline.datasets.video_decoder`
-decodes.
+Interlaced frames are not measured: their two fields are pictures of two moments.
+`pipeline.datasets.decoding.video_decoder` decodes.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.datasets.video_decoder import INTERLACED, TORN, BadVideo, Decoder, defect, grey_levels, remarks
+from pipeline.datasets.decoding.video_decoder import INTERLACED, TORN, BadVideo, Decoder, defect, grey_levels, remarks
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from pipeline.datasets.video_coding import Coding
+    from pipeline.datasets.decoding.video_coding import Coding
 
 __all__ = ["SUFFIXES", "BadVideo", "read_video"]
 
@@ -46,7 +46,7 @@ def read_video(
         every: take each n-th frame.
         due: whether to take a frame, by its number and the frames per second that the file states (0 where it does
             not); instead of `every`.
-        remark: called with a kind and words (`pipeline.datasets.video_decoder.remarks`), once for each kind.
+        remark: called with a kind and words (`pipeline.datasets.decoding.video_decoder.remarks`), once for each kind.
 
     Returns:
         frame number, from 0, (H, W) float32 in [0, 1], and how it was stored.

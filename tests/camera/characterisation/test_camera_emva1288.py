@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.camera import emva1288
+from pipeline.camera.characterisation import emva1288
 from pipeline.errors import InputError
 from pipeline.streams import stream
 

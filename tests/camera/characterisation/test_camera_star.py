@@ -8,10 +8,11 @@ import pytest
 from star_makers import synthesise
 
 from pipeline import streams
-from pipeline.camera import mtf, star
+from pipeline.camera import mtf
 from pipeline.camera.blur import blur
+from pipeline.camera.characterisation import star
+from pipeline.camera.characterisation.star_centre import _vertex, point_of_symmetry
 from pipeline.camera.psf import create
-from pipeline.camera.star_centre import _vertex, point_of_symmetry
 from pipeline.errors import InputError
 
 HEIGHT, WIDTH, CENTRE, PERIODS, AMPLITUDE = 768, 896, (447.5, 383.5), 60, 0.35

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.datasets.raw_frames import raw_frames
+from pipeline.datasets.decoding.raw_frames import raw_frames
 from pipeline.errors import InputError
 
 

@@ -12,10 +12,10 @@ import pytest
 from data_makers import picture
 
 from pipeline.camera.processing.codec import VIDEO, video_file
-from pipeline.datasets import video_coding
-from pipeline.datasets.video import read_video
-from pipeline.datasets.video_coding import RECENT_FRAMES, Coding, Quantisers
-from pipeline.datasets.video_decoder import Decoder
+from pipeline.datasets.decoding import video_coding
+from pipeline.datasets.decoding.video import read_video
+from pipeline.datasets.decoding.video_coding import RECENT_FRAMES, Coding, Quantisers
+from pipeline.datasets.decoding.video_decoder import Decoder
 
 FRAMES = 6
 

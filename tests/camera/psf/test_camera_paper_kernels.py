@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.camera import mtf, paper_kernels
-from pipeline.camera.psf import centroid_px, defocus
+from pipeline.camera import mtf
+from pipeline.camera.psf import centroid_px, defocus, paper_kernels
 from pipeline.errors import InputError
 
 AXES = ("MTF-H", "MTF-Rad"), ("MTF-V", "MTF-Tang")  # file names of the horizontal and the vertical MTF

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.datasets.pictures import AGAIN, SMALLEST_PX, WHITE, BadPicture, Picture
+from pipeline.datasets.decoding.pictures import AGAIN, SMALLEST_PX, WHITE, BadPicture, Picture
 from pipeline.errors import DECODER_ERRORS
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from pipeline.control.decision import Action
 from pipeline.control.observation import Observation
 from pipeline.control.policies.iopc_optimal import IopcOptimal
 from pipeline.control.precision.prediction import predict
-from pipeline.control.precision.worst_case import decide_within
 from pipeline.control.state import CameraState
+from pipeline.control.worst_case import decide_within
 
 SURFACES = {"one level": performance(), "darker too": darker_performance(3.0)}
 LEVEL, LEAST_GAIN = 0.5, 0.5

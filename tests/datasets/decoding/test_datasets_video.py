@@ -16,9 +16,9 @@ from data_makers import picture
 from PIL import Image
 
 from pipeline.camera.processing.codec import X264
-from pipeline.datasets import video
-from pipeline.datasets.video import BadVideo, read_video
-from pipeline.datasets.video_decoder import CURVE, TURNED, grey_frame, grey_levels
+from pipeline.datasets.decoding import video
+from pipeline.datasets.decoding.video import BadVideo, read_video
+from pipeline.datasets.decoding.video_decoder import CURVE, TURNED, grey_frame, grey_levels
 
 FRAMES = 20
 

@@ -22,13 +22,13 @@ def configured(psf: PsfSettings, camera: str, seed: int) -> Sequence[Kernel]:
 
     Returns:
         kernels in the order kind, size, angle; see `pipeline.camera.psf.bank.bank` and
-        `pipeline.camera.paper_kernels.load`.
+        `pipeline.camera.psf.paper_kernels.load`.
 
     Raises:
         InputError: no kernels of the paper in ``psf.folder``, or none of those kinds and sizes.
     """
-    from pipeline.camera.paper_kernels import load
     from pipeline.camera.psf.bank import bank
+    from pipeline.camera.psf.paper_kernels import load
 
     if psf.source == "paper":
         return load(Path(str(psf.folder)), kinds=psf.kinds, sizes_px=psf.sizes_px, angles_deg=psf.angles_deg)

@@ -16,7 +16,8 @@
 Pillow decodes, because it notices files that end early: OpenCV returns a JPEG whose lower half is missing
 as if it were whole, and writes to standard error about harmless oddities of TIFF directories. Where Pillow would
 squeeze 16-bit colour to 8 bit, OpenCV decodes the file after Pillow has found it whole; so it does TIFF files of depths
-and floats that Pillow does not read (`pipeline.datasets.tiff`), if they hold all the bytes that their header states.
+and floats that Pillow does not read (`pipeline.datasets.decoding.tiff`), if they hold all the bytes that their header
+states.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from typing import IO, TYPE_CHECKING
 import numpy as np
 
 from pipeline.camera.quantise import to_8bit
-from pipeline.datasets import tiff
+from pipeline.datasets.decoding import tiff
 from pipeline.errors import DECODER_ERRORS, InputError
 
 if TYPE_CHECKING:

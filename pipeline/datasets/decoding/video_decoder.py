@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.datasets.video_coding import Coding, Quantisers
+from pipeline.datasets.decoding.video_coding import Coding, Quantisers
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:

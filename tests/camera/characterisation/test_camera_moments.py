@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from data_makers import picture
 
+from pipeline.camera.characterisation.moments import moments, simulated_transfer
 from pipeline.camera.corruption import corrupt
-from pipeline.camera.moments import moments, simulated_transfer
 from pipeline.camera.psf import create
 from pipeline.camera.sensor import Sensor
 from pipeline.camera.steps import steps

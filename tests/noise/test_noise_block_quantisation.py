@@ -5,7 +5,7 @@ import pytest
 from skimage import data
 
 from pipeline.camera.processing.codec import Codec, store
-from pipeline.noise.traces.block_quantisation import at_corner, block_quantisation, present, suspected
+from pipeline.noise.block_quantisation import at_corner, block_quantisation, present, suspected
 from pipeline.streams import stream
 
 

@@ -11,9 +11,9 @@ from data_makers import picture
 from heif_makers import heic
 from PIL import Image
 
-from pipeline.datasets.heif import exif, is_heif, read_heif
-from pipeline.datasets.pictures import BadPicture
-from pipeline.datasets.video_coding import UNKNOWN, Coding, coding_of_items
+from pipeline.datasets.decoding.heif import exif, is_heif, read_heif
+from pipeline.datasets.decoding.pictures import BadPicture
+from pipeline.datasets.decoding.video_coding import UNKNOWN, Coding, coding_of_items
 from pipeline.streams import stream
 
 SCENE = picture("heif", 256, 128)

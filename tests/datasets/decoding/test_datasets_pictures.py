@@ -18,7 +18,7 @@ from PIL import Image
 from PIL.PngImagePlugin import PngImageFile
 
 from pipeline.camera.quantise import to_8bit
-from pipeline.datasets.pictures import (
+from pipeline.datasets.decoding.pictures import (
     BadPicture,
     Picture,
     _scaled,

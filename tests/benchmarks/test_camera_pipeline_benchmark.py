@@ -13,7 +13,7 @@ import pytest
 from pipeline.store import read_json
 from pipeline.streams import stream
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from pipeline.datasets.pictures import SUFFIXES, read_picture
+from pipeline.datasets.decoding.pictures import SUFFIXES, read_picture
 from pipeline.errors import InputError
 
 _NAME = re.compile(r"(?P<scene>.+)_(?P<ms>\d+(?:\.\d+)?)ms(?![a-z])")

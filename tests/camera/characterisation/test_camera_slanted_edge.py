@@ -7,8 +7,8 @@ from scipy.special import ndtr
 
 from pipeline.camera import psf, tone_curve
 from pipeline.camera.blur import blur
+from pipeline.camera.characterisation.slanted_edge import measure
 from pipeline.camera.mtf import FREQUENCIES, sample
-from pipeline.camera.slanted_edge import measure
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
@@ -215,7 +215,7 @@ def test_pictures_without_a_slanted_edge_are_refused(image, word):
 @pytest.mark.shared
 def test_the_reference_edge_of_known_width(shared):
     """A Gaussian line spread, 2.101 px wide at half maximum along the rows, less by the tilt's cosine across."""
-    from pipeline.datasets.pictures import read_grey
+    from pipeline.datasets.decoding.pictures import read_grey
 
     file = shared / "realdata/mtf_charts/myedge_angle_16.776550_fwhm_2.101313.tif"
     if not file.is_file():

@@ -12,8 +12,8 @@ import pytest
 from data_makers import picture
 from PIL import Image
 
-from pipeline.datasets.pictures import BadPicture, picture_size, read_grey, read_picture
-from pipeline.datasets.raw_frames import raw_frames
+from pipeline.datasets.decoding.pictures import BadPicture, picture_size, read_grey, read_picture
+from pipeline.datasets.decoding.raw_frames import raw_frames
 
 GREY = picture("tiff", 62, 45)
 COLOUR = np.stack([GREY, GREY[::-1], np.roll(GREY, 7, axis=1)], axis=2)

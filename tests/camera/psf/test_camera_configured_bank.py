@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline import store
-from pipeline.camera import kernel_bank
+from pipeline.camera.psf import configured_bank as kernel_bank
 from pipeline.camera.psf import stored
 from pipeline.camera.psf.bank import bank
 from pipeline.camera.settings import PsfSettings

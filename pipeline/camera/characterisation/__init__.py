@@ -1,0 +1,1 @@
+"""Measuring a camera: sensor constants from raw frames, and its MTF from a star or a slanted edge."""

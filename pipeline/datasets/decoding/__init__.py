@@ -1,0 +1,1 @@
+"""Files of pictures and videos to grey levels, and what their headers say of orientation, depth and codec."""
