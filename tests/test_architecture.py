@@ -119,7 +119,7 @@ def test_the_command_line_has_floors_too_and_no_command_imports_another(path):
             assert other < floor or other == floor == 0, reached
 
 
-@pytest.mark.parametrize("name", sorted(set(PACKAGES) - {"report"}))  # there, sections quote claims and claims sections
+@pytest.mark.parametrize("name", PACKAGES)
 def test_the_parts_of_a_package_do_not_import_each_other_in_circles(name):
     imports_of = {}
     for path in (PACKAGE / name).rglob("*.py"):

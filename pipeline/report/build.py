@@ -10,8 +10,8 @@ from typing import Any
 from pipeline.executor import run_map
 from pipeline.report import page, provenance, style, table_formats, training_budget
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.ledger import Score, score, summary_table, to_table
-from pipeline.report.ledger_items import NO_REAL_FRAMES, TITLES, all_rows
+from pipeline.report.ledger.items import NO_REAL_FRAMES, TITLES, all_rows
+from pipeline.report.ledger.rows import Score, score, summary_table, to_table
 from pipeline.report.sections import (
     blur,
     claims,

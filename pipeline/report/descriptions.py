@@ -43,6 +43,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from importlib import resources
 from typing import TYPE_CHECKING, Any, cast
 
 import pandas as pd
@@ -50,10 +51,12 @@ import pandas as pd
 from pipeline.errors import InputError, did_you_mean
 from pipeline.report.display_names import NAMES, in_order, listing, word
 from pipeline.report.figures import grid
-from pipeline.report.sections import description
 from pipeline.report.spec import Block, Figure, Run, Section, missing, of_benchmark
 from pipeline.report.style import Drawing, Look
 from pipeline.report.tables import Cell, Column, Row, Table, estimate, ordered, pivot, records
+from pipeline.report.yaml_files import content
+
+SECTIONS = "pipeline.report.sections"
 
 if TYPE_CHECKING:
     from pipeline.report.inputs import Benchmark, ReportInputs
@@ -106,7 +109,7 @@ class Descriptions:
 
     @functools.cached_property
     def _content(self) -> dict[str, dict[str, Any]]:
-        return cast("dict[str, dict[str, Any]]", description(self.name))
+        return cast("dict[str, dict[str, Any]]", content(resources.files(SECTIONS), f"{self.name}.yaml"))
 
     def _entry(self, part: str, key: str) -> Any:
         entries = self._content.get(part, {})

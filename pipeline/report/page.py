@@ -13,8 +13,8 @@ from typing import Any
 
 from pipeline.report import style, svg, templates
 from pipeline.report.display_names import DATASETS, in_order, listing, word
-from pipeline.report.ledger import VERDICTS, LedgerRow, score, summary_table, to_table
-from pipeline.report.ledger_items import ITEMS, NO_REAL_FRAMES, PICTURES_ONLY, TITLES
+from pipeline.report.ledger.items import ITEMS, NO_REAL_FRAMES, PICTURES_ONLY, TITLES
+from pipeline.report.ledger.rows import VERDICTS, LedgerRow, score, summary_table, to_table
 from pipeline.report.provenance import Provenance
 from pipeline.report.spec import Figure, Section
 from pipeline.report.table_formats import to_html

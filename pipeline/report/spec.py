@@ -15,8 +15,8 @@ function in `pipeline.report.build.SECTIONS`::
         return PAGE.section([PAGE.figure("control_ap", drawing, ["closed_loop@sim"]), table], runs)
 
 `pipeline.report.tables` defines cells (intervals, counts, the paper's values), `pipeline.report.figures` small
-multiples (``figure`` above), ``ledger.yaml`` the published numbers, ``claims/claims.yaml`` the paper's claims. Files in
-``tables/`` and ``figures/``, the page, alternative text, provenance and the overview of what ran follow from these
+multiples (``figure`` above), ``ledger/ledger.yaml`` published numbers, ``claims/claims.yaml`` the paper's claims. Files
+in ``tables/`` and ``figures/``, the page, alternative text, provenance and the overview of what ran follow from these
 descriptions.
 """
 

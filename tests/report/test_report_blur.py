@@ -18,10 +18,10 @@ from pipeline import store
 from pipeline.camera import mtf
 from pipeline.errors import InputError
 from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves, sharp_errors
-from pipeline.report import ledger_sources
 from pipeline.report.build import build
 from pipeline.report.inputs import Arrays, ReportInputs, published_table
-from pipeline.report.ledger_items import ITEMS, rows_of
+from pipeline.report.ledger import sources as ledger_sources
+from pipeline.report.ledger.items import ITEMS, rows_of
 from pipeline.report.sections import blur, blur_amae, kernel_gallery
 from pipeline.report.sections.kernel_gallery import Gallery
 from pipeline.report.spec import Figure, NotRun

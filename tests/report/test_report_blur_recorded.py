@@ -18,10 +18,10 @@ from pipeline.camera.mtf import CAMERA, GENERIC_LENS
 from pipeline.experiments.recorded import blur as blur_records
 from pipeline.experiments.sharp_curves import sharp_curves
 from pipeline.experiments.tables import BLUR_SUMMARY
-from pipeline.report import ledger_sources
 from pipeline.report.build import build
 from pipeline.report.inputs import ReportInputs, published, published_table, relative_mtf
-from pipeline.report.ledger_items import ITEMS, rows_of
+from pipeline.report.ledger import sources as ledger_sources
+from pipeline.report.ledger.items import ITEMS, rows_of
 from pipeline.report.sections import blur, detection
 from pipeline.report.spec import Figure
 from pipeline.report.tables import Estimate, Table

@@ -16,8 +16,8 @@ from pipeline.errors import InputError
 from pipeline.report import style
 from pipeline.report.build import build
 from pipeline.report.inputs import ReportInputs, published_table
-from pipeline.report.ledger import NOT_RUN
-from pipeline.report.ledger_items import ITEMS, rows_of
+from pipeline.report.ledger.items import ITEMS, rows_of
+from pipeline.report.ledger.rows import NOT_RUN
 from pipeline.report.sections import combined
 from pipeline.report.spec import Figure, NotRun
 from pipeline.report.tables import Estimate, Table

@@ -17,8 +17,9 @@ from pipeline.errors import InputError
 from pipeline.report import style
 from pipeline.report.build import build
 from pipeline.report.inputs import ReportInputs
+from pipeline.report.scenario_results import scenario_results
 from pipeline.report.sections import closed_loop, control, control_examples, order_study
-from pipeline.report.sections.closed_loop import decision_ms, scenario_results
+from pipeline.report.sections.closed_loop import decision_ms
 from pipeline.report.spec import Figure, NotRun, Section
 from pipeline.report.tables import Estimate, Table
 

@@ -22,8 +22,8 @@ from pipeline.report import detection_results, style
 from pipeline.report.build import build
 from pipeline.report.claims import paired_precision
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.ledger import MATCH, NOT_COMPARABLE
-from pipeline.report.ledger_items import ITEMS, rows_of
+from pipeline.report.ledger.items import ITEMS, rows_of
+from pipeline.report.ledger.rows import MATCH, NOT_COMPARABLE
 from pipeline.report.sections import detection, detection_figures
 from pipeline.report.spec import Figure, NotRun
 from pipeline.report.tables import Estimate, Table

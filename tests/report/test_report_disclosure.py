@@ -16,7 +16,7 @@ from pipeline.learning.weights import details
 from pipeline.report import build, training_budget
 from pipeline.report.display_names import ESTIMATORS, qualified, word
 from pipeline.report.inputs import ReportInputs, mode_note, mode_of, options_of
-from pipeline.report.ledger_items import ITEMS, rows_of
+from pipeline.report.ledger.items import ITEMS, rows_of
 from pipeline.report.sections import combined, disclosure
 from pipeline.report.spec import Figure
 from pipeline.report.tables import Table

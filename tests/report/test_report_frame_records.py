@@ -18,10 +18,11 @@ from pipeline.experiments.recorded.blur import BlurRecord
 from pipeline.experiments.recorded.frames import COMBINED_FILES, DENOISED_FILE, FACTOR_FILES, NOISE_FILE
 from pipeline.experiments.tables import CHANGES
 from pipeline.recording.provenance import write_csv
-from pipeline.report import ledger_causes, ledger_sources
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.ledger import NOT_RUN
-from pipeline.report.ledger_items import ITEMS, beside_ours, rows_of
+from pipeline.report.ledger import causes as ledger_causes
+from pipeline.report.ledger import sources as ledger_sources
+from pipeline.report.ledger.items import ITEMS, beside_ours, rows_of
+from pipeline.report.ledger.rows import NOT_RUN
 from pipeline.report.sections import combined, factors, noise
 from pipeline.report.spec import Figure
 from pipeline.report.tables import Estimate, Table

@@ -16,9 +16,11 @@ from report_makers import ABSENT, REPO
 
 from pipeline import store
 from pipeline.errors import InputError
-from pipeline.report import ledger_sources
 from pipeline.report.inputs import ReportInputs, published_table
-from pipeline.report.ledger import (
+from pipeline.report.ledger import sources as ledger_sources
+from pipeline.report.ledger.causes import _lens
+from pipeline.report.ledger.items import ITEMS, UNEXPLAINED, Source, all_rows, rows_of
+from pipeline.report.ledger.rows import (
     CONSISTENCY,
     DEFINITION,
     EXPERIMENT,
@@ -32,8 +34,6 @@ from pipeline.report.ledger import (
     to_table,
     tolerance_of_both,
 )
-from pipeline.report.ledger_causes import _lens
-from pipeline.report.ledger_items import ITEMS, UNEXPLAINED, Source, all_rows, rows_of
 from pipeline.report.tables import format_number
 
 PAPER = REPO / "data/paper"

@@ -12,8 +12,8 @@ from independent_ledger import can_recompute, recomputed, rows_of
 from report_makers import ABSENT, REPO
 
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.ledger import to_table
-from pipeline.report.ledger_items import all_rows
+from pipeline.report.ledger.items import all_rows
+from pipeline.report.ledger.rows import to_table
 from pipeline.report.table_formats import to_csv
 from pipeline.streams import stream
 

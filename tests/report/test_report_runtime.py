@@ -11,9 +11,9 @@ from report_makers import REPO
 from pipeline import blur, noise, store
 from pipeline.errors import InputError
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.ledger_items import ITEMS, rows_of
+from pipeline.report.ledger.items import ITEMS, rows_of
+from pipeline.report.patch_times import TIMED, patch_times
 from pipeline.report.sections import runtime
-from pipeline.report.sections.runtime import TIMED, patch_times
 from pipeline.report.spec import NotRun
 from pipeline.report.tables import Table
 

@@ -17,12 +17,13 @@ from typing import Any
 
 import pandas as pd
 
-from pipeline.report import detection_results, ledger_sources
+from pipeline.report import detection_results
 from pipeline.report.claims import paired_blur, paired_precision
 from pipeline.report.claims.paired_precision import Sweep
 from pipeline.report.detection_results import Results
 from pipeline.report.display_names import counted, listing, word
 from pipeline.report.inputs import ReportInputs, published_table
+from pipeline.report.ledger import sources as ledger_sources
 from pipeline.report.tables import where
 
 SUPPORTED, PARTLY, UNDECIDED, CONTRADICTED = "supported", "partly", "not decided", "contradicted"

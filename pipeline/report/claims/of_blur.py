@@ -12,7 +12,7 @@ from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES
 from pipeline.report.claims import claim, paired_blur
 from pipeline.report.claims.claim import Evidence, Measurement
 from pipeline.report.display_names import word
-from pipeline.report.sections.runtime import patch_times
+from pipeline.report.patch_times import patch_times
 from pipeline.report.tables import format_number, where
 
 NETWORK, DECONVOLUTION = "cnn", ["pmp", "gbb"]

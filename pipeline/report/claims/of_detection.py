@@ -11,8 +11,8 @@ from pipeline.report.claims.claim import Evidence, Measurement
 from pipeline.report.claims.paired_precision import WHO, distinct
 from pipeline.report.display_names import counted, word
 from pipeline.report.inputs import published_table
-from pipeline.report.sections import order_study
-from pipeline.report.sections.closed_loop import scenario_results
+from pipeline.report.order_evidence import evidence_of
+from pipeline.report.scenario_results import scenario_results
 from pipeline.report.tables import records, where
 
 BUILT_IN = ("prosilica", "mean_intensity")
@@ -181,8 +181,8 @@ def order(evidence: Evidence, *, conclusion: Conclusion) -> Measurement | None:
         return None
     study = StudyTables(conditions, effects)
     verdicts = {True: claim.SUPPORTED, False: claim.CONTRADICTED, None: claim.UNDECIDED}
-    text = f"{order_study.evidence(study, conclusion, setting)}; in the paper's order and light "
-    text += order_study.evidence(study, conclusion, (PAPER, ENCODED))
+    text = f"{evidence_of(study, conclusion, setting)}; in the paper's order and light "
+    text += evidence_of(study, conclusion, (PAPER, ENCODED))
     return Measurement(f"{text}.", verdicts[study.holds(conclusion, setting)], on=word("sim"))
 
 

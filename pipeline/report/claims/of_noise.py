@@ -10,7 +10,7 @@ from pipeline.report.claims import claim
 from pipeline.report.claims.claim import PAPER_BLUR, Evidence, Measurement
 from pipeline.report.display_names import word
 from pipeline.report.inputs import published_table
-from pipeline.report.ledger_sources import levels
+from pipeline.report.ledger.sources import levels
 from pipeline.report.tables import records, where
 from pipeline.stage_files import optional
 

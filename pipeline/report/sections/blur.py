@@ -16,7 +16,7 @@ from pipeline.report import style
 from pipeline.report.display_names import ESTIMATORS, counted, in_order, listing, word
 from pipeline.report.figures import abstentions, beside_the_paper
 from pipeline.report.inputs import ReportInputs, at_frequencies, mode_note, mode_of, published
-from pipeline.report.ledger_sources import lenses, star_curve
+from pipeline.report.ledger.sources import lenses, star_curve
 from pipeline.report.sections import blur_amae, kernel_gallery
 from pipeline.report.sections.blur_amae import ANY_STAGE, PAGE
 from pipeline.report.spec import Block, Run, Section, as_recorded, pairs_of, runs_by_estimator, single

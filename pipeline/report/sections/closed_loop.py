@@ -5,20 +5,17 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullFormatter, NullLocator
-from numpy.typing import NDArray
 
 from pipeline.cluster_intervals import cluster_mean
 from pipeline.control.simulation.course import COURSE, course
 from pipeline.control.simulation.largest_loss import LargestLoss, largest_loss
 from pipeline.control.simulation.scenario_result import BRIGHTNESS_ONLY, OURS, ScenarioResult
-from pipeline.control.simulation.tables import PAIRS, STEPS, SUMMARY
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import POLICIES, in_order, listing, word
@@ -26,7 +23,6 @@ from pipeline.report.figures import add_legend
 from pipeline.report.inputs import Benchmark, ReportInputs
 from pipeline.report.spec import Block
 from pipeline.report.tables import Estimate, Table, format_number, ordered, records, where
-from pipeline.stage_files import optional
 from pipeline.streams import stream
 
 CONTROL = Descriptions("control")
@@ -60,24 +56,6 @@ COLUMNS = 4
 def scenario_word(name: str) -> str:
     """The word for a scenario."""
     return name.replace("_", " ").capitalize()
-
-
-def scenario_results(inputs: ReportInputs) -> list[ScenarioResult]:
-    """Every scenario of this run whose stage has run, in order."""
-    results = []
-    for name, folder in inputs.folders("closed_loop").items():
-        steps = optional(folder, "steps.parquet", STEPS)
-        if steps is not None:
-            summary, pairs = optional(folder, "summary.parquet", SUMMARY), optional(folder, "pairs.parquet", PAIRS)
-            films = {path.stem.removeprefix("film-"): _film(path) for path in sorted(folder.glob("film-*.npz"))}
-            results.append(ScenarioResult(name, steps, summary, pairs, films))
-    return results
-
-
-def _film(path: Path) -> dict[int, NDArray[np.uint8]]:
-    """Number of the step, in the names ``step_<number>`` of a film's arrays -> picture."""
-    arrays = optional(path.parent, path.name)
-    return {int(name[5:]): arrays[name] for name in sorted(arrays) if name.startswith("step_")}
 
 
 def decision_ms(inputs: ReportInputs) -> dict[str, float]:

@@ -20,7 +20,7 @@ from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import DATASETS, ESTIMATORS, EXPERIMENTS, in_order, word
 from pipeline.report.figures import PAPER, PAPER_DASH, add_legend, lines, ordinal_legend
 from pipeline.report.inputs import ReportInputs, at_frequencies, published
-from pipeline.report.ledger_items import beside_ours
+from pipeline.report.ledger.items import beside_ours
 from pipeline.report.spec import Block, Figure, Section, as_recorded, overview
 from pipeline.report.tables import (
     Row,

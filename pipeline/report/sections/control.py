@@ -12,7 +12,8 @@ from pipeline.report import style
 from pipeline.report.display_names import listing
 from pipeline.report.figures import cell_map
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.ledger_items import beside_ours
+from pipeline.report.ledger.items import beside_ours
+from pipeline.report.scenario_results import scenario_results
 from pipeline.report.sections import closed_loop, control_examples, order_study
 from pipeline.report.sections.closed_loop import CONTROL, scenario_word
 from pipeline.report.spec import Block, Run, Section, single
@@ -25,7 +26,7 @@ ALL_VIEWPOINTS = -1
 def section(inputs: ReportInputs) -> Section:
     """Everything on control that has run, and the commands for the rest."""
     (examples, of_examples), surface = control_examples.blocks(inputs), surface_blocks(inputs)
-    results, (study, of_study) = closed_loop.scenario_results(inputs), order_study.blocks(inputs)
+    results, (study, of_study) = scenario_results(inputs), order_study.blocks(inputs)
     runs = [
         single("Worked examples of control", control_examples.STAGE, bool(examples), inputs),
         single("Surface for control", SURFACE_STAGE, bool(surface), inputs),

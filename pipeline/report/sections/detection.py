@@ -14,7 +14,7 @@ from pipeline.report import detection_results
 from pipeline.report.detection_results import Recorded, Results
 from pipeline.report.display_names import DATASETS, counted, in_order, word
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.ledger_items import beside_ours
+from pipeline.report.ledger.items import beside_ours
 from pipeline.report.sections import detection_figures
 from pipeline.report.sections.detection_figures import PAGE
 from pipeline.report.spec import Block, Figure, NotRun, Run, Section, as_recorded, runs_by_estimator

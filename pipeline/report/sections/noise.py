@@ -22,7 +22,7 @@ from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import EFFECTS, ESTIMATORS, counted, in_order, listing, word
 from pipeline.report.figures import abstentions, legend_of
 from pipeline.report.inputs import ReportInputs, published
-from pipeline.report.ledger_sources import PAPER_EFFECTS
+from pipeline.report.ledger.sources import PAPER_EFFECTS
 from pipeline.report.spec import Block, Figure, Section, as_recorded, pairs_of, runs_by_estimator
 from pipeline.report.tables import Cell, Row, Table, estimate, ordered, reasons_of, totals, where
 

@@ -15,7 +15,7 @@ from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import BLURS, counted, in_order, listing, word
 from pipeline.report.figures import small_mtf_axes
 from pipeline.report.inputs import ReportInputs, published
-from pipeline.report.ledger_sources import sharp_mtf, star_curve
+from pipeline.report.ledger.sources import sharp_mtf, star_curve
 from pipeline.report.spec import Block, Section, overview, single
 from pipeline.report.tables import where
 from pipeline.stage_files import existing

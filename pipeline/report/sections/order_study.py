@@ -5,12 +5,13 @@ from __future__ import annotations
 import pandas as pd
 
 from pipeline.control.simulation import order_conclusions
-from pipeline.control.simulation.order_conclusions import CONCLUSIONS, SETTINGS, Conclusion, StudyTables
+from pipeline.control.simulation.order_conclusions import CONCLUSIONS, SETTINGS, StudyTables
 from pipeline.report.display_names import listing
 from pipeline.report.inputs import ReportInputs
+from pipeline.report.order_evidence import evidence_of
 from pipeline.report.sections.closed_loop import CONTROL
 from pipeline.report.spec import Block
-from pipeline.report.tables import Table, format_end, format_number
+from pipeline.report.tables import Table
 
 STAGE = "order_study"
 MARKS = {True: "yes", False: "no", None: "not decided"}
@@ -23,25 +24,13 @@ def study_table(study: pd.DataFrame) -> Table:
     return CONTROL.table("order_study", wide.reset_index(), frames=int(study["frames"].max()))
 
 
-def evidence(study: StudyTables, conclusion: Conclusion, setting: tuple[str, str]) -> str:
-    """The numbers behind `StudyTables.holds`, in words."""
-    if not conclusion.cause:
-        return f"{100 * study.kept(setting):.0f} % of the noise left"
-    effect = study.effect(conclusion, setting)
-    if effect is None:
-        return "one level only"
-    numbers = (format_number(effect[name], 1) for name in ("before", "after"))
-    ends = (format_end(effect[name], 1) for name in ("low", "high"))
-    return "{} to {} %, change {} to {} points".format(*numbers, *ends)
-
-
 def conclusion_table(study: StudyTables) -> Table:
     """The paper's conclusions under both orders and in both lights."""
     rows = []
     for conclusion in CONCLUSIONS:
         cells = {
             f"{order}_{light}": f"{MARKS[study.holds(conclusion, (order, light))]}: "
-            f"{evidence(study, conclusion, (order, light))}"
+            f"{evidence_of(study, conclusion, (order, light))}"
             for order, light in SETTINGS
         }
         rows.append({"claim": conclusion.claim, **cells, "survival": study.survival(conclusion)})

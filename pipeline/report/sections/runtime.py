@@ -9,64 +9,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import pandas as pd
-
 from pipeline.condition.frame_tiles import MOST_PATCHES, MOST_TILES
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import ESTIMATORS, word
-from pipeline.report.inputs import Benchmark, ReportInputs, published_table
+from pipeline.report.inputs import ReportInputs, published_table
+from pipeline.report.patch_times import TASKS, TIMED, times_of
 from pipeline.report.spec import STAGE_ABSENT, Run, Section, of_benchmark
 from pipeline.report.tables import Table, ordered, records
 
 PAGE = Descriptions("runtime")
-TIMED = Benchmark("estimators", "python benchmarks/estimators.py", ("machine", "results", "frame_px", "patch_px"))
 TITLE = "Run times"
-TASKS = {"blur": "Blur", "noise": "Noise"}
-PUBLISHED = {
-    ("blur", "cnn"): "cnn_mtf", ("blur", "pmp"): "pmp", ("blur", "gbb"): "gbb", ("blur", "pmp_exact"): "pmp",
-    ("blur", "gbb_exact"): "gbb", ("noise", "cnn"): "cnn_sigma", ("noise", "pca"): "pca", ("noise", "bf"): "bf",
-}  # fmt: skip
-"""The paper's names of its estimators. Its blur network counts a batch of four patches."""
-
 NAMES = {"fused": "Fused, not calibrated"}
 """Estimators that are timed in another way than they stand in the other tables."""
 
 REQUIRED_FPS = {("blur", "spectral"): 5.0, ("noise", "adaptive"): 10.0}
 """Whole frames per second that this project requires of its own estimators on two cores."""
-
-
-TIMES = [
-    "task", "estimator", "name", "patch_px", "one_ms", "batched_ms", "preprocessing_ms", "untrained", "clock_fps",
-    "processor_fps",
-]  # fmt: skip
-"""Columns of `patch_times`."""
-
-
-def patch_times(inputs: ReportInputs) -> pd.DataFrame:
-    """Processor times of every estimator of the record, one thread; empty without a record.
-
-    Errors of `ReportInputs.benchmark`.
-
-    Returns:
-        task, estimator, name (the paper's), patch_px, one_ms and batched_ms (medians per patch, alone and among many),
-        preprocessing_ms (per patch, of a network that was timed apart; None else), untrained, clock_fps and
-        processor_fps (whole frames per second of two processes; None where not timed).
-    """
-    times = inputs.benchmark(TIMED, _times)
-    return pd.DataFrame(columns=TIMES, dtype=object) if times is None else times
-
-
-def _times(record: Mapping[str, Any]) -> pd.DataFrame:
-    rows: list[tuple[Any, ...]] = []
-    for task in TASKS:
-        for name, entry in record["results"].get(task, {}).items():
-            one, batched = (entry[key]["processor_median_ms"] for key in ("one_patch", "batched"))
-            frame = entry.get("frame") or {}
-            before = entry.get("preprocessing", {}).get("processor_median_ms")
-            head = (task, name, PUBLISHED.get((task, name), ""), record["patch_px"][task], one, batched, before)
-            untrained = entry.get("weights") == "untrained"
-            rows.append((*head, untrained, frame.get("clock_fps"), frame.get("processor_fps")))
-    return pd.DataFrame(rows, columns=TIMES, dtype=object)
 
 
 def _paper_ms(inputs: ReportInputs) -> dict[str, float]:
@@ -79,7 +36,7 @@ def _paper_ms(inputs: ReportInputs) -> dict[str, float]:
 
 
 def _table(record: Mapping[str, Any], paper: Mapping[str, float]) -> Table:
-    times = ordered(_times(record), task=TASKS, estimator=ESTIMATORS)
+    times = ordered(times_of(record), task=TASKS, estimator=ESTIMATORS)
     cells = {
         "task": lambda row: TASKS[row["task"]],
         "estimator": lambda row: (

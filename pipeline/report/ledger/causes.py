@@ -16,7 +16,7 @@ from pipeline.experiments.recorded.blur import BlurRecord
 from pipeline.report import training_budget
 from pipeline.report.display_names import counted, word
 from pipeline.report.inputs import EXACT, ReportInputs, options_of
-from pipeline.report.ledger_sources import COMBINED_DATASET, COMBINED_ESTIMATOR, PAPER_FRAMES, combined_estimator
+from pipeline.report.ledger.sources import COMBINED_DATASET, COMBINED_ESTIMATOR, PAPER_FRAMES, combined_estimator
 from pipeline.report.tables import Row, format_number, where
 from pipeline.report.tables import records as records_of
 

@@ -19,10 +19,11 @@ import pandas as pd
 from pydantic import TypeAdapter
 
 from pipeline.errors import InputError
-from pipeline.report import ledger_causes, ledger_sources
 from pipeline.report.display_names import PAPER_NAMES, word
 from pipeline.report.inputs import PUBLISHED_COLUMNS, ReportInputs, published_table
-from pipeline.report.ledger import (
+from pipeline.report.ledger import causes as ledger_causes
+from pipeline.report.ledger import sources as ledger_sources
+from pipeline.report.ledger.rows import (
     BETTER,
     CLOSE,
     DIFFERS,
@@ -81,7 +82,7 @@ def _why(reasons: Sequence[Reason], row: Row) -> str:
 
 @dataclass(frozen=True)
 class Source:
-    """Where our side of an item is: a function of `pipeline.report.ledger_sources`, or a file of a stage.
+    """Where our side of an item is: a function of `pipeline.report.ledger.sources`, or a file of a stage.
 
     ``on_udacity``: one of `pipeline.report.inputs.RESULTS`, of blur and noise at once.
 
@@ -120,11 +121,11 @@ class Item:
         stages: another stage -> condition of the rows that it makes.
         tolerance: how far ours may lie from the published value where ours has no interval (`Tolerance`).
         ours: where our side is.
-        published: function of `pipeline.report.ledger_sources` that makes the published side, where it is a rule.
+        published: function of `pipeline.report.ledger.sources` that makes the published side, where it is a rule.
         dataset: of all rows, where the file has no such column.
         better: ``"lower"`` or ``"higher"`` where one side is the better one; stated in the cause.
         whys: causes shown where ours differ; the first that applies counts.
-        causes: function of `pipeline.report.ledger_causes` that gives a function of the row, in place of `whys`.
+        causes: function of `pipeline.report.ledger.causes` that gives a function of the row, in place of `whys`.
         barriers: which rows cannot be compared; the first that applies counts.
         kind: of evidence, one of `pipeline.report.ledger.KINDS`.
         kinds: another kind -> condition of its rows.
@@ -180,7 +181,7 @@ def _long(item: Item, table: pd.DataFrame, number: str) -> pd.DataFrame:
 def _ours(item: Item, inputs: ReportInputs) -> pd.DataFrame:
     """Ours by key and column of the number, with ``low``, ``high`` and ``measured_on``; empty where nothing has run.
 
-    Which of a stage's run and a record counts is a rule of each source (`pipeline.report.ledger_sources`). Of what is
+    Which of a stage's run and a record counts is a rule of each source (`pipeline.report.ledger.sources`). Of what is
     left, results on the paper's frames (`PAPER_NAMES`) win over those on the Sim rendered here, and rows that are alike
     in all of these columns are one.
     """

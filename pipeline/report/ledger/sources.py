@@ -199,7 +199,7 @@ def _with_records(ran: pd.DataFrame | None, recorded: list[pd.DataFrame]) -> pd.
 
 def run_times(inputs: ReportInputs) -> pd.DataFrame | None:
     """Run times as the paper's table counts them: estimator, unit, seconds (of the processor)."""
-    from pipeline.report.sections.runtime import patch_times
+    from pipeline.report.patch_times import patch_times
 
     times = patch_times(inputs)
     times = times[times["name"] != ""]
