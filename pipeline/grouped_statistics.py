@@ -1,4 +1,4 @@
-"""Robust statistics and weighted means of groups of rows in a long table."""
+"""Robust statistics, weighted means and shares of groups of rows in a long table."""
 
 from __future__ import annotations
 
@@ -55,3 +55,19 @@ def weighted_mean(rows: pd.DataFrame, value: str, weight: str = "count") -> floa
     """Mean of a column over cells, weighted by their patches; NaN where no cell has a number."""
     known = rows[np.isfinite(rows[value].to_numpy(float)) & (rows[weight].to_numpy() > 0)]
     return float(np.average(known[value], weights=known[weight])) if len(known) else math.nan
+
+
+def share_interval(successes: int, count: int) -> tuple[float, float]:
+    """Exact 95 % interval of a share of independent cases (Clopper and Pearson, Biometrika 26(4), 1934).
+
+    Args:
+        successes: cases counted, 0 to `count`.
+        count: all cases, at least 1.
+
+    Returns:
+        low and high end, fractions.
+    """
+    from scipy.stats import binomtest
+
+    interval = binomtest(successes, count).proportion_ci(0.95, "exact")
+    return float(interval.low), float(interval.high)

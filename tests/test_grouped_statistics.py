@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.grouped_statistics import robust_by, weighted_mean
+from pipeline.grouped_statistics import robust_by, share_interval, weighted_mean
 from pipeline.statistics import robust
 from pipeline.streams import stream
 
@@ -58,3 +58,13 @@ def test_cells_weigh_by_their_patches_and_cells_without_a_number_not_at_all():
     assert weighted_mean(rows, "error") == pytest.approx(3.0)
     assert math.isnan(weighted_mean(rows[rows["error"].isna()], "error"))
     assert math.isnan(weighted_mean(rows[rows["count"] == 0], "error"))
+
+
+def test_the_interval_of_a_share_is_exact():
+    """Ends are where the tail of the binomial distribution holds 2.5 %; of none of n it is 1 - .025^(1/n)."""
+    low, high = share_interval(3, 20)
+    tail = sum(math.comb(20, k) * low**k * (1 - low) ** (20 - k) for k in range(3, 21))
+    assert tail == pytest.approx(0.025, abs=1e-6)
+    assert sum(math.comb(20, k) * high**k * (1 - high) ** (20 - k) for k in range(4)) == pytest.approx(0.025, abs=1e-6)
+    assert share_interval(0, 22) == (0.0, pytest.approx(1 - 0.025 ** (1 / 22)))
+    assert share_interval(22, 22) == (pytest.approx(0.025 ** (1 / 22)), 1.0)

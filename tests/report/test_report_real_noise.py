@@ -178,6 +178,10 @@ def test_noise_behind_codecs_is_counted_by_codec_and_level(inputs: ReportInputs)
     assert shown["added_5"] == answers(record["patches"]["by_codec"]["jpeg 95"]["5"])
     assert [row["codec"] for row in bounds.rows[:2]] == ["as it is", "JPEG 60"]
     assert bounds.rows[1]["added_0"] == bound(record["frames"]["by_codec"]["jpeg 60"]["0"])
+    frames = record["frames"]["by_codec"]["jpeg 60"]["0"]["count"]
+    none = 100 * (1 - 0.025 ** (1 / frames))
+    assert f"of {frames} a share of 0 % has the exact 95 % interval 0 to {none:.0f} %" in table.footnotes[-2]
+    assert f"one of 100 % has {100 - none:.0f} to 100 %" in table.footnotes[-2]
 
 
 def test_noise_behind_codecs_that_hide_it_is_counted_with_and_without_their_name(inputs: ReportInputs) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from pipeline.experiments.real_noise import bounds as real_noise_bounds
 from pipeline.experiments.real_noise import records as real_noise_records
 from pipeline.experiments.real_noise.records import Examples, Recording, Sensor
+from pipeline.grouped_statistics import share_interval
 from pipeline.noise.real_noise import shared_errors
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
@@ -187,7 +188,9 @@ def behind_codecs(record: Mapping[str, Any]) -> Table:
             levels = {f"added_{added}": _answered(codecs[codec][added]) for added in ADDED}
             count = codecs[codec][ADDED[0]]["count"]
             rows.append({"unit": title, "codec": _stored(codec), "count": count, **levels})
-    return PAGE.table("real_noise_coded", rows, datasets=listing(map(word, record["datasets"])))
+    notes = _of_few_frames(levels[ADDED[0]] for levels in record["frames"]["by_codec"].values())
+    also = [PAGE.text("shares_of_patches")] if notes else []
+    return PAGE.table("real_noise_coded", rows, notes=notes + also, datasets=listing(map(word, record["datasets"])))
 
 
 def behind_video_codecs(record: Mapping[str, Any]) -> Table:
@@ -198,7 +201,18 @@ def behind_video_codecs(record: Mapping[str, Any]) -> Table:
             levels = {added: codecs[codec][added][known] for added in ADDED}
             cells = {f"added_{added}": _answered(level) for added, level in levels.items()}
             rows.append({"codec": _stored(codec), "known": title, "count": levels[ADDED[0]]["count"], **cells})
-    return PAGE.table("real_noise_video", rows, datasets=listing(map(word, record["datasets"])))
+    notes = _of_few_frames(levels[ADDED[0]][known] for levels in codecs.values() for known in KNOWN)
+    return PAGE.table("real_noise_video", rows, notes=notes, datasets=listing(map(word, record["datasets"])))
+
+
+def _of_few_frames(levels: Iterable[Mapping[str, Any]]) -> list[str]:
+    """How sure shares of so many whole frames are, in words; nothing where there are none."""
+    frames = max((level["count"] for level in levels), default=0)
+    if not frames:
+        return []
+    ends = [share_interval(successes, frames) for successes in (0, frames // 2, frames)]
+    none, low, high, every = (100 * end for end in (ends[0][1], *ends[1], ends[2][0]))
+    return [PAGE.text("shares_of_frames", frames=frames, none=none, low=low, high=high, all=every)]
 
 
 def video_bounds(record: Mapping[str, Any]) -> Table:
