@@ -301,7 +301,8 @@ def _second_share(main: Answer, processed: Answer) -> NDArray[np.float32]:
 
 def _answer(network: SpectralNet, units: torch.Tensor, orientations: int) -> tuple[Answer, NDArray[np.float32]]:
     """What a network answers and its hidden units (N, 256), averaged over the ways a patch is seen."""
-    mtf, scale, sigma_dn, hidden = (
-        value.unflatten(0, (orientations, -1)).mean(0).cpu().numpy() for value in (*network.outputs(units)[:3], units)
-    )
+    values = (*network.outputs(units)[:3], units)
+    if orientations > 1:
+        values = tuple(value.unflatten(0, (orientations, -1)).mean(0) for value in values)
+    mtf, scale, sigma_dn, hidden = (value.cpu().numpy() for value in values)
     return (mtf, scale, sigma_dn), hidden

@@ -34,11 +34,11 @@ Answer = tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]
 class Residual(nn.Module):
     """relu(shortcut(x) + w * conv(relu(conv(x)))), halving the size; w is learned per channel."""
 
-    def __init__(self, inputs: int, outputs: int, groups: int = 1) -> None:
+    def __init__(self, inputs: int, outputs: int, groups: int = 1, convolution: type[nn.Conv2d] = nn.Conv2d) -> None:
         super().__init__()
-        self.first = nn.Conv2d(inputs, outputs, 3, 2, 1, groups=groups)
-        self.second = nn.Conv2d(outputs, outputs, 3, 1, 1, groups=groups)
-        self.shortcut = nn.Conv2d(inputs, outputs, 1, 2, groups=groups)
+        self.first = convolution(inputs, outputs, 3, 2, 1, groups=groups)
+        self.second = convolution(outputs, outputs, 3, 1, 1, groups=groups)
+        self.shortcut = convolution(inputs, outputs, 1, 2, groups=groups)
         self.weight = nn.Parameter(torch.full((1, outputs, 1, 1), BRANCH_START))
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
@@ -47,15 +47,15 @@ class Residual(nn.Module):
         return functional.relu(self.shortcut(x) + self.weight.to(branch.dtype) * branch)
 
 
-def body(widths: Sequence[int], groups: int = 1) -> nn.Sequential:
+def body(widths: Sequence[int], groups: int = 1, convolution: type[nn.Conv2d] = nn.Conv2d) -> nn.Sequential:
     """The convolutions, of four widths; in groups, those of as many networks that see the same maps."""
     first, second, third, reduced = widths
     return nn.Sequential(
-        nn.Conv2d(MAPS, first, 3, padding=1),
+        convolution(MAPS, first, 3, padding=1),
         nn.ReLU(),
-        Residual(first, second, groups),
-        Residual(second, third, groups),
-        nn.Conv2d(third, reduced, 1, groups=groups),
+        Residual(first, second, groups, convolution),
+        Residual(second, third, groups, convolution),
+        convolution(third, reduced, 1, groups=groups),
         nn.ReLU(),
     )
 

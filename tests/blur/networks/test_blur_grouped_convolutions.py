@@ -4,7 +4,7 @@ import numpy as np
 import torch
 
 from pipeline import blur
-from pipeline.blur.networks.grouped_convolutions import GroupedBodies
+from pipeline.blur.networks.grouped_convolutions import GroupedBodies, OneDnnConvolution
 from pipeline.blur.networks.spectral_net import SpectralNet
 from pipeline.learning.initial import initialise
 from pipeline.streams import stream
@@ -29,6 +29,17 @@ def test_each_group_is_the_body_of_its_network():
             assert len(results) == count
             for network, result in zip(each, results, strict=True):
                 assert torch.allclose(result, network.body(maps), atol=1e-5)
+
+
+def test_a_convolution_without_onednn_is_pytorchs(monkeypatch):
+    inputs = torch.from_numpy(stream(1, "inputs").normal(0, 1, (1, 3, 16, 8)).astype(np.float32))
+    torch.manual_seed(1)
+    layer = OneDnnConvolution(3, 4, 3, padding=1)
+    with torch.inference_mode():
+        expected = torch.nn.functional.conv2d(inputs, layer.weight, layer.bias, padding=1)
+        assert torch.allclose(layer(inputs), expected, atol=1e-5)
+        monkeypatch.setattr(torch.backends.mkldnn, "is_available", lambda: False)
+        assert torch.equal(layer(inputs), expected)
 
 
 def test_the_weights_are_copies():
