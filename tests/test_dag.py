@@ -78,6 +78,13 @@ def test_code_dependencies_exist(name):
             assert list(ROOT.glob(re.sub(r"\$\{.*?\}", "*", path))), path
 
 
+def test_the_report_depends_on_all_of_its_package():
+    """A text that is edited must not leave the page as it is."""
+    deps = [ROOT / path for path in GRAPH["report"]["deps"] if path.startswith("pipeline/report")]
+    files = {path for path in (ROOT / "pipeline/report").rglob("*.*") if path.is_file() and path.suffix != ".pyc"}
+    assert files and {path for path in files if not {path, *path.parents} & set(deps)} == set()
+
+
 def test_every_stage_file_is_in_the_graph():
     files = {path.stem for path in (ROOT / "pipeline" / "stages").glob("*.py")} - {"__init__"}
     assert files == {module_of(name) for name in STAGES}

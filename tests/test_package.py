@@ -50,11 +50,12 @@ def wheel(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_the_wheel_holds_weights_and_templates(wheel):
+def test_the_wheel_holds_weights_and_every_file_of_the_package(wheel):
     names = set(zipfile.ZipFile(wheel).namelist())
     assert RELEASED and {f"pipeline/released_weights/{name}" for name in RELEASED} <= names
-    templates = list((ROOT / "pipeline/report/templates").glob("*.*"))
-    assert {file.relative_to(ROOT).as_posix() for file in templates} <= names
+    files = [path for path in (ROOT / "pipeline").rglob("*") if path.is_file() and path.parent.name != "__pycache__"]
+    assert {path.suffix for path in files} >= {".py", ".yaml", ".j2"}
+    assert {path.relative_to(ROOT).as_posix() for path in files} <= names
     assert not any(name.startswith(("tests/", "data/", "benchmarks/")) for name in names)
 
 

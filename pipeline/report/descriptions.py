@@ -1,4 +1,4 @@
-"""Tables, figures, captions and paragraphs of a section as data: ``pipeline/report/sections/<section>.yaml``.
+"""Tables, figures, captions and paragraphs of a section as data: ``pipeline/report/texts/<section>.yaml``.
 
 A table is a caption, columns, notes and the stage that made its numbers; its rows come from a data frame::
 
@@ -43,7 +43,6 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from importlib import resources
 from typing import TYPE_CHECKING, Any, cast
 
 import pandas as pd
@@ -54,9 +53,7 @@ from pipeline.report.figures import grid
 from pipeline.report.spec import Block, Figure, Run, Section, missing, of_benchmark
 from pipeline.report.style import Drawing, Look
 from pipeline.report.tables import Cell, Column, Row, Table, estimate, ordered, pivot, records
-from pipeline.report.yaml_files import content
-
-SECTIONS = "pipeline.report.sections"
+from pipeline.report.texts import description
 
 if TYPE_CHECKING:
     from pipeline.report.inputs import Benchmark, ReportInputs
@@ -109,7 +106,7 @@ class Descriptions:
 
     @functools.cached_property
     def _content(self) -> dict[str, dict[str, Any]]:
-        return cast("dict[str, dict[str, Any]]", content(resources.files(SECTIONS), f"{self.name}.yaml"))
+        return cast("dict[str, dict[str, Any]]", description(self.name))
 
     def _entry(self, part: str, key: str) -> Any:
         entries = self._content.get(part, {})

@@ -4,7 +4,7 @@ To add a table, a figure and a section, describe their captions, columns and not
 (`pipeline.report.descriptions`), write one module in `pipeline.report.sections` that makes their numbers, and name its
 function in `pipeline.report.build.SECTIONS`::
 
-    PAGE = Descriptions("control")  # pipeline/report/sections/control.yaml
+    PAGE = Descriptions("control")  # pipeline/report/texts/control.yaml
 
     def section(inputs: ReportInputs) -> Section:
         summary = inputs.read("closed_loop/summary.parquet", SUMMARY)  # None where the stage has not run

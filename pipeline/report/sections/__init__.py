@@ -1,1 +1,1 @@
-"""The sections of the page, one file each, in the paper's order; beside it, its tables, captions and paragraphs."""
+"""The sections of the page, one file each, in the paper's order; what they say is in `pipeline.report.texts`."""
