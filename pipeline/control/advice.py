@@ -15,7 +15,6 @@ from pipeline.camera.exposure import Camera
 from pipeline.condition.verdict import blur_range, noise_ends
 from pipeline.control.decision import Action, Decision
 from pipeline.control.iopc import Frame
-from pipeline.control.memory.noise_ratio import ESTIMATE_ERROR_DN
 from pipeline.control.motion import motion_length
 from pipeline.control.observation import Observation, observe
 from pipeline.control.performance import Performance
@@ -23,6 +22,7 @@ from pipeline.control.policies.iopc_optimal import IopcOptimal
 from pipeline.control.policy import ControlledCamera
 from pipeline.control.precision.expected_precision import ExpectedPrecision, expected_at, interval_between
 from pipeline.control.state import BASE_ISO, CameraState, Limits
+from pipeline.control.temporal.noise_ratio import ESTIMATE_ERROR_DN
 from pipeline.control.worst_case import BoundedDecision, decide_within
 from pipeline.errors import InputError
 

@@ -5,7 +5,7 @@ chosen on the surface of average precision, from the *estimated* noise and motio
 measured too, the total exposure is chosen with the split: a detector may bear a dark frame better than its gain.
 Where several settings promise about the same, `pipeline.control.precision.margin` decides: the one that loses least in
 the frames after a fall of light. A change must promise some points, more after reversals
-(`pipeline.control.memory.hysteresis`). Changes are compared with the settings written last, which with a delay are
+(`pipeline.control.temporal.hysteresis`). Changes are compared with the settings written last, which with a delay are
 still on their way to the sensor: a frame taken before they took effect does not make the policy write them again.
 Defined actions in doubt:
 
@@ -32,9 +32,6 @@ from numpy.typing import NDArray
 
 from pipeline.control.decision import Action, Decision
 from pipeline.control.image.metering import Metering
-from pipeline.control.memory.hysteresis import Hysteresis
-from pipeline.control.memory.noise_ratio import NoiseRatio
-from pipeline.control.memory.speed import KnownSpeedJumps, SpeedFilter
 from pipeline.control.motion import motion_length
 from pipeline.control.observation import Observation
 from pipeline.control.performance import LEVEL_SLACK_STOPS, Performance, limited
@@ -42,6 +39,9 @@ from pipeline.control.policy import ControlledCamera, Policy
 from pipeline.control.precision.margin import after_fall
 from pipeline.control.precision.prediction import linear_level, predict
 from pipeline.control.state import CameraState, Limits
+from pipeline.control.temporal.hysteresis import Hysteresis
+from pipeline.control.temporal.noise_ratio import NoiseRatio
+from pipeline.control.temporal.speed import KnownSpeedJumps, SpeedFilter
 from pipeline.errors import InputError
 
 TIMES_PER_STOP = 6

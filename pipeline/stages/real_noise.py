@@ -16,7 +16,7 @@ def run(run: Run) -> None:
     from pipeline import store
     from pipeline.datasets.decoding.raw_frames import raw_frames
     from pipeline.errors import InputError
-    from pipeline.experiments.real_noise import tables as tables
+    from pipeline.experiments.real_noise import tables
     from pipeline.experiments.real_noise.experiment import measure_pairs, measure_raw, real_noise_metrics
     from pipeline.experiments.real_noise.sensor_constants import sensor_constants
     from pipeline.linked_folders import refuse_linked_folders

@@ -9,7 +9,7 @@ import pytest
 from control_makers import CAMERA, performance
 
 from pipeline import control
-from pipeline.control.memory.nelder_mead import search
+from pipeline.control.temporal.nelder_mead import search
 from pipeline.errors import InputError
 
 NAN, INF = float("nan"), float("inf")

@@ -11,9 +11,9 @@ from control_makers import CAMERA
 from pipeline import control
 from pipeline.control.image.gradient import information, sobel_magnitude
 from pipeline.control.image.image_quality import quality
-from pipeline.control.memory.nelder_mead import search
 from pipeline.control.observation import Observation
 from pipeline.control.state import CameraState, DelayLine
+from pipeline.control.temporal.nelder_mead import search
 from pipeline.streams import stream
 
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from pipeline.control.decision import Decision
 from pipeline.control.image.metering import Metering
-from pipeline.control.memory.asked_exposure import AskedExposure
 from pipeline.control.observation import Observation
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera, Policy
 from pipeline.control.state import CameraState
+from pipeline.control.temporal.asked_exposure import AskedExposure
 
 
 class MeanIntensity(Policy):

@@ -16,12 +16,12 @@ from __future__ import annotations
 import math
 
 from pipeline.control.decision import Decision
-from pipeline.control.memory.asked_exposure import AskedExposure
 from pipeline.control.observation import Observation
 from pipeline.control.options import is_count
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera, Policy
 from pipeline.control.state import CameraState
+from pipeline.control.temporal.asked_exposure import AskedExposure
 from pipeline.errors import InputError
 
 

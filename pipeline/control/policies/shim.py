@@ -13,12 +13,12 @@ import numpy as np
 
 from pipeline.control.decision import Decision
 from pipeline.control.image.gradient import information, sobel_magnitude
-from pipeline.control.memory.asked_exposure import AskedExposure
 from pipeline.control.observation import Observation
 from pipeline.control.options import is_number
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera, Policy
 from pipeline.control.state import CameraState
+from pipeline.control.temporal.asked_exposure import AskedExposure
 from pipeline.errors import InputError
 
 ANCHORS = (0.1, 0.5, 0.8, 1.0, 1.2, 1.5, 1.9)

@@ -17,12 +17,12 @@ import numpy as np
 
 from pipeline.control.decision import Action, Decision
 from pipeline.control.image.image_quality import quality
-from pipeline.control.memory.nelder_mead import Point, search
 from pipeline.control.observation import Observation
 from pipeline.control.options import is_count
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera, Policy
 from pipeline.control.state import CameraState
+from pipeline.control.temporal.nelder_mead import Point, search
 from pipeline.errors import InputError
 
 LEAST_STEP = 0.1

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.control.memory.hysteresis import Hysteresis
 from pipeline.control.simulation.largest_loss import LIGHT_FACTOR, SPEED_FACTOR
 from pipeline.control.state import CameraState
+from pipeline.control.temporal.hysteresis import Hysteresis
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -111,8 +111,7 @@ def disturbances(steps: pd.DataFrame) -> list[int]:
 
     Args:
         steps: `pipeline.control.simulation.tables.STEPS` of one scenario. Light is the median over policies, which
-        flicker shows
-            different light.
+            flicker shows different light.
     """
     table = steps.groupby("step")[["light", "speed_px_s"]].median().sort_index()
     changed = {0}

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from pipeline import control
 from pipeline.control.decision import Action
-from pipeline.control.memory import hysteresis
-from pipeline.control.memory.hysteresis import MOST_REVERSALS, Hysteresis
-from pipeline.control.memory.speed import KnownSpeedJumps
 from pipeline.control.state import CameraState, DelayLine
+from pipeline.control.temporal import hysteresis
+from pipeline.control.temporal.hysteresis import MOST_REVERSALS, Hysteresis
+from pipeline.control.temporal.speed import KnownSpeedJumps
 from pipeline.errors import InputError
 
 SURFACE = performance()

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.control.memory.noise_ratio import NoiseRatio
-from pipeline.control.memory.speed import (
+from pipeline.control.temporal.noise_ratio import NoiseRatio
+from pipeline.control.temporal.speed import (
     BEYOND,
     LONGEST_RESOLVED_PX,
     RESOLUTION_PX,

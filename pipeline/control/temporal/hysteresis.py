@@ -7,7 +7,7 @@ settings may then promise more than the other as long as the other is in force. 
 
 A reversal is a change of the exposure time (of the total exposure where the time stays) against the direction of the
 change before it. The scene has changed where its light differs by half a stop from that of the last such change, or
-where the speed of the image has jumped (`pipeline.control.memory.speed`); n is 0 again then.
+where the speed of the image has jumped (`pipeline.control.temporal.speed`); n is 0 again then.
 """
 
 from __future__ import annotations

@@ -8,9 +8,9 @@ import pytest
 from control_makers import Scene
 
 from pipeline import control
-from pipeline.control.memory.asked_exposure import AskedExposure
 from pipeline.control.policy import ControlledCamera
 from pipeline.control.state import CameraState, DelayLine, Limits
+from pipeline.control.temporal.asked_exposure import AskedExposure
 
 STEPS = Limits(exposure_steps_per_stop=6, gain_step_db=1.0)
 CONTINUOUS = Limits()
