@@ -10,6 +10,8 @@ still on their way to the sensor: a frame taken before they took effect does not
 Defined actions in doubt:
 
 * the estimator abstains: the split is kept, only brightness is corrected (``ABSTAINED``);
+* more than a quarter of the frame is white, and none before told speed and noise: likewise, and the total exposure is
+  halved at least, whatever the mean;
 * the surface refuses every candidate: the one nearest to the measured region is chosen, if it is clearly nearer;
 * the surface refuses the settings decided: these are taken, and the decision is ``REFUSED``.
 
@@ -50,6 +52,9 @@ DARKER_TIMES_PER_STOP, DARKER_PER_STOP = 3, 1
 
 CLIPPED_FRACTION = 0.25
 """Fraction of saturated pixels from which a frame's estimates are not used: its noise and detail are clipped."""
+
+CLIPPED_FACTOR = 0.5
+"""On total exposure, at most, while such frames are all that is known: kept settings would give the same again."""
 
 LARGEST_FACTOR = 32.0
 """On total exposure in one decision: a fall of light by 16 is answered at once."""
@@ -214,7 +219,7 @@ class IopcPolicy(Policy):
 
     def _decide(self, frame: Frame) -> Decision:
         observation = frame.observation
-        clipped = observation.saturated_fraction > CLIPPED_FRACTION
+        clipped = _is_clipped(observation)
         if not (observation.abstained or clipped):
             self._learn(observation, frame.state)
         elif not (clipped and self._is_informed):
@@ -233,7 +238,7 @@ class IopcPolicy(Policy):
     def _without_estimates(self, frame: Frame, reason: str) -> Decision:
         """Brightness is corrected at the exposure time written last, unless frames as dark were measured."""
         measured = self.chooses_brightness and self._is_measured(frame.observation.mean_level)
-        if measured or frame.keeps_brightness:
+        if frame.keeps_brightness or (measured and not _is_clipped(frame.observation)):
             return Decision(frame.written, Action.ABSTAINED, f"no estimate ({reason}); settings are kept")
         new = self.limits.at_time(frame.total_s, frame.written.exposure_s)
         return Decision(new, Action.ABSTAINED, f"no estimate ({reason}); brightness only")
@@ -243,9 +248,13 @@ class IopcPolicy(Policy):
         if self.metering is None:
             return written.total_exposure_s
         coming = self._coming_level(observation, state, written)
-        if self.metering.accepts(coming) and not observation.saturated_fraction > CLIPPED_FRACTION:
+        clipped = _is_clipped(observation)
+        if self.metering.accepts(coming) and not clipped:
             return written.total_exposure_s
-        return state.total_exposure_s * self.metering.factor(observation, self.camera.formation.gamma)
+        factor = self.metering.factor(observation, self.camera.formation.gamma)
+        if clipped and not self._is_informed:
+            factor = min(factor, CLIPPED_FACTOR)
+        return state.total_exposure_s * factor
 
     def _coming_level(self, observation: Observation, state: CameraState, coming: CameraState) -> float:
         """Mean encoded level that a frame taken with other settings will have."""
@@ -394,6 +403,11 @@ def darker_totals(total: float, performance: Performance, gamma: float) -> list[
     """
     stops = gamma * math.log2(performance.level / performance.darkest_level)
     return [total * 2.0**-step for step in np.linspace(0.0, stops, round(stops * DARKER_PER_STOP) + 1)]
+
+
+def _is_clipped(observation: Observation) -> bool:
+    """Whether so much of a frame is white that its estimates are not used."""
+    return observation.saturated_fraction > CLIPPED_FRACTION
 
 
 def _by_time(state: CameraState) -> tuple[float, float]:

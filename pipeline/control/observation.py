@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 WHITE_LEVEL = 0.99
 """Encoded grey level from which a pixel counts as white."""
 
+DARK_BAR_LEVEL = 18 / 255
+"""Encoded grey level up to which a bar is dark: black of video, 16, and what a codec adds."""
+
 Floats = NDArray[np.float64]
 
 
@@ -99,16 +102,18 @@ def observe(
 def brightness(frame: NDArray[np.floating]) -> Brightness:
     """Brightness of the picture that a frame shows, without bars beside it, which no exposure changes.
 
-    White lines at the border are no bars here: in a frame exposed too long, whole lines of sky or ground are white.
+    Lines of one level at one border of the frame are bars where they are as dark as those of letterboxes; brighter ones
+    count as picture unless they are certain (`pipeline.condition.picture_area`): in a frame exposed too long, whole
+    lines of sky are uniform, at whatever level the camera clips.
 
     Args:
         frame: (H, W) in [0, 1], encoded.
     """
-    first_is_white, last_is_white = frame[0, 0] >= WHITE_LEVEL, frame[-1, -1] >= WHITE_LEVEL
+    first_is_dark, last_is_dark = frame[0, 0] <= DARK_BAR_LEVEL, frame[-1, -1] <= DARK_BAR_LEVEL
     picture = frame[
         tuple(
-            slice(0 if first_is_white else part.start, None if last_is_white else part.stop)
-            for part in picture_area(frame)
+            slice((any_bar if first_is_dark else certain).start, (any_bar if last_is_dark else certain).stop)
+            for any_bar, certain in zip(picture_area(frame), picture_area(frame, certain=True), strict=True)
         )
     ]
     return Brightness(float(picture.mean(dtype=np.float64)), float(np.mean(picture >= WHITE_LEVEL)))

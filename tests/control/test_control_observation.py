@@ -56,6 +56,24 @@ def test_white_sky_counts_as_picture():
     assert brightness(frame) == pytest.approx((frame.mean(), np.mean(frame >= 0.99)))
 
 
+@pytest.mark.parametrize("white_dn", [235, 250, 253])
+def test_a_uniform_sky_counts_as_picture_at_whatever_level_the_camera_clips(white_dn):
+    """As a bar it would leave the road, and exposure would rise until half of the frame is white."""
+    frame = scene(mean=0.35)
+    frame[:200] = white_dn / 255
+    assert brightness(frame).mean_level == pytest.approx(frame.mean())
+    assert brightness(frame[::-1]).mean_level == pytest.approx(frame.mean())
+    assert Metering().factor(observe(frame), GAMMA) < 0.7
+
+
+@pytest.mark.parametrize("black_dn", [0, 16])
+def test_a_dark_bar_at_one_border_is_left_out(black_dn):
+    frame = scene()
+    frame[:200] = black_dn / 255
+    assert brightness(frame) == brightness(frame[200:])
+    assert brightness(frame[::-1]) == brightness(frame[200:][::-1])
+
+
 def test_the_precision_of_a_frame_with_bars_is_expected_at_the_brightness_of_its_picture(monkeypatch):
     """Beside a surface of darker frames, bars would make it a darker frame."""
     frame = np.zeros((640, 640), np.float32)
@@ -144,6 +162,14 @@ def test_a_frame_that_is_mostly_white_hides_how_bright_the_scene_is():
     metering = Metering(largest_factor=32.0)
     assert metering.factor(grey, GAMMA) == pytest.approx((0.5 / 0.98) ** GAMMA)
     assert metering.factor(white, GAMMA) == pytest.approx((0.5 / 0.98) ** GAMMA / 2)
+
+
+def test_the_mean_of_a_picture_does_not_excuse_a_frame_that_is_mostly_white():
+    """Its white half may be many times brighter: factors go over smoothly from frames outside the tolerance."""
+    factors = [
+        Metering().factor(Observation(np.ones((8, 8), np.float32), mean, mean), GAMMA) for mean in (0.51, 0.54, 0.56)
+    ]
+    assert factors == pytest.approx([(0.5 / mean) ** GAMMA / 2 for mean in (0.51, 0.54, 0.56)])
 
 
 @pytest.mark.parametrize("missing", ["sigma_dn", "mtf"])

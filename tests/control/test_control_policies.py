@@ -22,6 +22,7 @@ from pipeline import control
 from pipeline.control.decision import Action
 from pipeline.control.observation import Observation
 from pipeline.control.policy import ControlledCamera
+from pipeline.control.precision.prediction import predict
 from pipeline.control.state import CameraState, DelayLine, Limits
 from pipeline.errors import InputError
 
@@ -287,6 +288,30 @@ def test_policies_a_clipped_frame_teaches_nothing_but_its_brightness():
     assert policy.speed_px_s == before and decision.state.total_exposure_s < 0.3 * state.total_exposure_s
 
 
+@pytest.mark.parametrize("white", [0.3, 0.45, 0.54])
+@pytest.mark.parametrize("name", ["iopc_target", "iopc_optimal", "iopc_continuous"])
+def test_policies_a_clipped_frame_is_not_kept_for_its_mean_while_nothing_is_known(name, white):
+    """The next frame would be the same: bright upper half, dark road, and no estimate for ever."""
+    state = CameraState.of(8, 400)
+    seen = Observation(np.ones((16, 16), np.float32), max(0.5, white), white, scalar(3.0), seen_mtf(4.0))
+    for surface in (SURFACE, darker_performance(15.0)):
+        policy = control.create(name, camera=CAMERA, performance=surface)
+        decision = policy.decide(seen, state)
+        assert decision.action is Action.ABSTAINED and decision.state.exposure_s <= state.exposure_s
+        assert decision.state.total_exposure_s <= 0.51 * state.total_exposure_s
+
+
+@pytest.mark.parametrize("mean", [0.0, 0.005, 0.02, 0.05, 0.5])
+def test_policies_dark_frames_are_predicted_from_the_level_they_have(mean):
+    state = CameraState.of(8, 400)
+    at = predict(CAMERA.formation, 2.0, 8.0, mean**CAMERA.formation.gamma, state, [state.traded(4.0), state])
+    assert at.level == pytest.approx(max(mean, 1e-3)) and np.isfinite(at.sigma_dn).all()
+    brighter = predict(
+        CAMERA.formation, 2.0, 8.0, mean**CAMERA.formation.gamma, state, [CameraState(16e-3, state.gain)]
+    )
+    assert brighter.level == pytest.approx(min(max(mean, 1e-3) * 2 ** (1 / CAMERA.formation.gamma), 1.0))
+
+
 def test_policies_refused_queries_lead_towards_the_measured_region():
     seen = Observation(np.full((8, 8), 0.5, np.float32), 0.5, 0.0, scalar(3.0), seen_mtf(40.0))
     state = CameraState.of(33, 100)
@@ -309,7 +334,6 @@ def test_policies_the_printed_sign_is_wrong_and_ours_moves_noise_against_blur():
 
 def test_policies_linear_noise_gain_is_the_papers_alpha_sigma():
     from pipeline.camera.exposure import Camera
-    from pipeline.control.precision.prediction import predict
 
     state = CameraState.of(8, 400)
     for kind, low, high in (("linear", 3.97, 4.03), ("physical", 2.0, 3.9)):

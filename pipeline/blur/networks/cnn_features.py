@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import torch
 import torch.nn.functional as functional
+from kornia.filters import spatial_gradient
 
 PHASES = 6  # the patch is split into 6 x 6 sub-sampled images
 
@@ -24,7 +25,5 @@ def network_input(patches: torch.Tensor) -> torch.Tensor:
         (N, 72, 32, 32).
     """
     centred = (patches - patches.mean((1, 2), keepdim=True))[:, None]
-    offset = torch.arange(-1.0, 2.0, dtype=patches.dtype, device=patches.device)
-    sobel = torch.outer(2 - offset.abs(), offset)  # rows -1 0 1, -2 0 2, -1 0 1; made where the patches are
-    gradient = functional.conv2d(functional.pad(centred, (1, 1, 1, 1), mode="replicate"), sobel[None, None])
+    gradient = spatial_gradient(centred, "sobel", normalized=False)[:, :, 0]  # rows -1 0 1, -2 0 2, -1 0 1
     return functional.pixel_unshuffle(torch.cat([centred, gradient], dim=1), PHASES)

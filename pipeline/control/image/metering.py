@@ -46,16 +46,17 @@ class Metering:
         return abs(mean_level / self.target - 1.0) <= self.tolerance
 
     def factor(self, observation: Observation, gamma: float) -> float:
-        """Factor on total exposure; 1 within the tolerance.
+        """Factor on total exposure; 1 within the tolerance, unless most of the frame is white.
 
         Args:
             observation: the frame.
             gamma: of the camera's tone curve.
         """
         mean = max(observation.mean_level, _DARKEST_MEAN)
-        if self.accepts(mean):
+        hidden = _hidden(observation)
+        if self.accepts(mean) and hidden == 1.0:  # half white, half black have the mean of a picture
             return 1.0
-        factor = float((self.target / mean) ** (gamma * self.damping)) / _hidden(observation)
+        factor = float((self.target / mean) ** (gamma * self.damping)) / hidden
         return min(max(factor, 1.0 / self.largest_factor), self.largest_factor)
 
     def to_target(self, observation: Observation, gamma: float) -> float:

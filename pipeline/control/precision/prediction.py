@@ -22,7 +22,7 @@ from pipeline.camera.tone_curve import noise_after_curve, noise_before_curve
 from pipeline.control.state import CameraState
 
 Floats = NDArray[np.float64]
-_DARKEST_LEVEL, _DARKEST_MEAN = 0.002, 1e-3
+_DARKEST_MEAN = 1e-3
 
 
 class Predicted(NamedTuple):
@@ -77,7 +77,7 @@ def predict(
         state: settings of the frame.
         candidates: N settings.
     """
-    level = max(min(mean_level, 1.0), _DARKEST_LEVEL)
+    level = min(max(mean_level, _DARKEST_MEAN**camera.gamma), 1.0)
     times = np.array([each.exposure_s for each in candidates])
     gains = np.array([each.gain for each in candidates])
     levels = np.minimum(level * times * gains / state.total_exposure_s, 1.0)
