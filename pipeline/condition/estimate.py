@@ -28,7 +28,7 @@ from pipeline.condition.coarse_grain import most_coarse_noise_dn
 from pipeline.condition.frame_tiles import MOST_PATCHES, MOST_TILES, frame_tiles
 from pipeline.condition.grey_frame import grey_frame
 from pipeline.condition.picture_area import COVERED_REASON, covered, picture_area, shifted
-from pipeline.condition.structure import STRUCTURELESS, structureless
+from pipeline.condition.structure import STRIPED, STRUCTURELESS, striped, structureless
 from pipeline.condition.summary import (
     Summary,
     at_most_dn,
@@ -429,7 +429,9 @@ def _readable(stack: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def _unreadable(stack: NDArray[np.float32]) -> dict[str, NDArray[np.bool_]]:
     """Patches that no estimator can read blur from, by reason."""
-    return {STRUCTURELESS: structureless(stack), COVERED_REASON: covered(stack)} if len(stack) else {}
+    if not len(stack):
+        return {}
+    return {STRUCTURELESS: structureless(stack), COVERED_REASON: covered(stack), STRIPED: striped(stack)}
 
 
 def _without(estimate: Estimate, lost: Mapping[str, NDArray[np.bool_]]) -> Estimate:

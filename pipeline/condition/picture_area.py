@@ -1,4 +1,4 @@
-"""Where a frame shows a picture: without bars beside it, and which squares a uniform surround covers in part.
+"""Where a frame shows a picture: without bars, inside the circle of a fisheye lens, and squares covered in part.
 
 Letterbox bars, and the surround of a fisheye lens, have no noise, and their edge is sharper than any lens. A square
 that holds some of them is read as free of noise, and its blur as that of the edge.
@@ -10,6 +10,8 @@ that holds some of them is read as free of noise, and its blur as that of the ed
     covered   `COVERED` of a square's blocks of 4 x 4 px are exactly uniform, nearly all uniform ones have one level,
               neither black nor white, while all but a few of the others vary by more than `LEAST_DN`, as a picture with
               noise does
+    circle    the convex hull of blocks of 4 x 4 px that are not dark, or not joined to the dark corners, fills `FILLED`
+              of a circle through its vertices, and the means of the blocks outside deviate by `UNIFORM_DN` at most
 
 A scene without noise has uniform blocks too, but beside them blocks that hardly vary. Of 3,844 squares of 128 px of
 KITTI, Udacity, *Sim* and that of the paper's authors, Penn-Fudan, CC, PolyU and Levin none is covered in this sense as
@@ -37,7 +39,12 @@ ALIKE = 0.8  # of the uniform blocks; drawings have such blocks of many levels
 BLOCK_PX = 4
 CODEC_BLOCK_PX = 8
 FLATTEST = 0.1  # of the blocks that are not uniform
+DARK_DN = 18.0  # black of video, 16, and what a codec adds
+FILLED = 0.95
+UNIFORM_DN = 1.0  # deviation of the means of blocks of a surround; a dark scene varies more
+LEAST_SURROUND, LEAST_CIRCLE = 0.02, 0.3  # of the frame, outside and inside the circle
 BLACK_DN, WHITE_DN = 2.0, 253.0  # uniform by saturation, of which the estimators know
+_ENDS = (slice(None, BLOCK_PX), slice(-BLOCK_PX, None))
 
 
 def picture_area(frame: NDArray[np.floating], *, certain: bool = False) -> tuple[slice, slice]:
@@ -55,6 +62,47 @@ def picture_area(frame: NDArray[np.floating], *, certain: bool = False) -> tuple
         part.stop - part.start >= LEAST_PICTURE * side for part, side in zip((rows, columns), frame.shape, strict=True)
     )
     return (rows, columns) if enough else (slice(0, frame.shape[0]), slice(0, frame.shape[1]))
+
+
+def picture_circle(frame: NDArray[np.floating]) -> NDArray[np.bool_] | None:
+    """The circle that a fisheye lens lights.
+
+    Dark parts of the picture that meet the surround lie inside the hull of the rest. The circle is fitted to the hull's
+    vertices by least squares, |p|^2 = 2 c p + d (Kasa 1976).
+
+    Args:
+        frame: (H, W) in [0, 1].
+
+    Returns:
+        (H, W) whether a pixel is inside; None where there is no dark surround of that form.
+    """
+    import cv2
+
+    height, width = frame.shape
+    corners = [frame[rows, columns].mean() for rows in _ENDS for columns in _ENDS]
+    if max(corners) > DARK_DN / FULL_SCALE_DN or min(height, width) < 8 * BLOCK_PX:
+        return None
+    size = width // BLOCK_PX, height // BLOCK_PX
+    small = cv2.resize(np.asarray(frame, np.float32), size, interpolation=cv2.INTER_AREA)
+    _, parts = cv2.connectedComponents((small <= DARK_DN / FULL_SCALE_DN).astype(np.uint8), connectivity=4)
+    surround = np.isin(parts, parts[[0, 0, -1, -1], [0, -1, 0, -1]]) & (parts > 0)
+    if surround.all():
+        return None
+    hull = cv2.convexHull(np.argwhere(~surround)[:, ::-1].astype(np.float32))[:, 0].astype(np.float64)
+    x, y = hull.T
+    terms = np.stack([x, y, np.ones_like(x)], axis=1)
+    twice_x, twice_y, rest = np.linalg.lstsq(terms, x * x + y * y)[0]
+    rows, columns = np.ogrid[: size[1], : size[0]]
+    distance = np.hypot(columns - twice_x / 2, rows - twice_y / 2)
+    radius = np.sqrt(max(rest + (twice_x**2 + twice_y**2) / 4, 0.0))
+    inside, outside = distance <= radius, distance > radius + 2  # between them blocks are covered in part
+    lit = cv2.fillConvexPoly(np.zeros_like(inside, np.uint8), np.rint(hull).astype(np.int32), 1) > 0
+    if not (LEAST_CIRCLE <= inside.mean() <= 1 - LEAST_SURROUND and outside.any()):
+        return None
+    fits = np.mean(lit & inside) >= FILLED * max(inside.mean(), lit.mean())
+    if not fits or FULL_SCALE_DN * small[outside].std() > UNIFORM_DN:
+        return None
+    return cv2.resize(inside.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
 
 
 def shifted(squares: list[Patch], area: tuple[slice, slice]) -> list[Patch]:

@@ -69,6 +69,7 @@ REASONS = {
     "saturated": "too bright or too dark",
     "flat": "no variation to measure",
     "structureless": "no structure, only shading and noise",
+    "striped": "stripes or a straight edge, along which nothing tells blur",
     "covered": "a part has one grey level: a border, or a picture of few levels",
     "incomplete": "some frequencies are unknown",
 }

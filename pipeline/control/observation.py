@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.condition.grey_frame import grey_frame
-from pipeline.condition.picture_area import picture_area
+from pipeline.condition.picture_area import DARK_DN, picture_area, picture_circle
 from pipeline.control.state import CameraState
 
 if TYPE_CHECKING:
@@ -18,9 +19,6 @@ if TYPE_CHECKING:
 
 WHITE_LEVEL = 0.99
 """Encoded grey level from which a pixel counts as white."""
-
-DARK_BAR_LEVEL = 18 / 255
-"""Encoded grey level up to which a bar is dark: black of video, 16, and what a codec adds."""
 
 Floats = NDArray[np.float64]
 
@@ -34,7 +32,7 @@ class Estimate(NamedTuple):
 
 
 class Brightness(NamedTuple):
-    """Mean grey level, encoded, and fraction of pixels at white, both 0..1, of the picture inside its bars."""
+    """Mean encoded grey level and fraction of pixels at white, both 0..1, of the picture without bars and surround."""
 
     mean_level: float
     saturated_fraction: float
@@ -100,7 +98,7 @@ def observe(
 
 
 def brightness(frame: NDArray[np.floating]) -> Brightness:
-    """Brightness of the picture that a frame shows, without bars beside it, which no exposure changes.
+    """Brightness of the picture that a frame shows, without bars and surrounds, which no exposure changes.
 
     Lines of one level at one border of the frame are bars where they are as dark as those of letterboxes; brighter ones
     count as picture unless they are certain (`pipeline.condition.picture_area`): in a frame exposed too long, whole
@@ -109,13 +107,16 @@ def brightness(frame: NDArray[np.floating]) -> Brightness:
     Args:
         frame: (H, W) in [0, 1], encoded.
     """
-    first_is_dark, last_is_dark = frame[0, 0] <= DARK_BAR_LEVEL, frame[-1, -1] <= DARK_BAR_LEVEL
+    first_is_dark, last_is_dark = (corner <= DARK_DN / FULL_SCALE_DN for corner in (frame[0, 0], frame[-1, -1]))
     picture = frame[
         tuple(
             slice((any_bar if first_is_dark else certain).start, (any_bar if last_is_dark else certain).stop)
             for any_bar, certain in zip(picture_area(frame), picture_area(frame, certain=True), strict=True)
         )
     ]
+    circle = picture_circle(picture)
+    if circle is not None:
+        picture = picture[circle]
     return Brightness(float(picture.mean(dtype=np.float64)), float(np.mean(picture >= WHITE_LEVEL)))
 
 

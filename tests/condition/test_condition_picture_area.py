@@ -9,7 +9,7 @@ from data_makers import picture
 
 from pipeline.condition import ConditionMonitor
 from pipeline.condition.frame_flags import measure
-from pipeline.condition.picture_area import COVERED_REASON, covered, picture_area
+from pipeline.condition.picture_area import COVERED_REASON, covered, picture_area, picture_circle
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
@@ -44,6 +44,19 @@ def test_a_picture_without_bars_is_whole_and_so_is_a_frame_of_nothing_else():
     thin = np.zeros((420, 640), np.float32)
     thin[200:210] = as_frame(scene())[200:210]  # ten lines are no picture
     assert picture_area(thin) == whole
+
+
+@pytest.mark.parametrize("light", [1.0, 0.05])
+def test_the_circle_of_a_fisheye_is_that_of_its_lens_though_shadows_meet_it(light):
+    levels = scene()
+    levels[150:260, :160] = 4.0
+    y, x = np.mgrid[-210:210, -320:320] + 0.5
+    inside = np.hypot(x, y) < 300
+    circle = picture_circle(as_frame(np.where(inside, levels, 1.0)))
+    assert circle is not None and np.mean(circle != inside) < 0.01
+    assert picture_circle(as_frame(np.rint(levels * light))) is None
+    assert picture_circle(np.zeros((420, 640), np.float32)) is None
+    assert picture_circle(np.zeros((16, 16), np.float32)) is None
 
 
 def test_noise_and_flags_of_a_letterboxed_frame_are_those_of_its_picture():

@@ -8,7 +8,7 @@ import pytest
 from skimage import data
 
 from pipeline.condition import ConditionMonitor
-from pipeline.condition.structure import structureless
+from pipeline.condition.structure import striped, structureless
 from pipeline.streams import stream
 
 
@@ -44,6 +44,46 @@ def test_weak_structure_in_strong_noise_counts_from_what_block_means_resolve(con
     """Means of 16 x 16 px hold a sixteenth of 25 DN of noise, 1.6 DN; half as much again is needed."""
     squares = np.kron(np.where(np.indices((12, 12)).sum(axis=0) % 2, 1, -1), np.ones((16, 16)))
     assert structureless(noisy(0.5 + contrast_dn / 255 * squares, 25.0)).all() == (not shows)
+
+
+def bars(turned_deg: float, size=(192, 192), width_px=(8, 50)) -> np.ndarray:
+    """A fence: upright bars of random width and grey level, turned, seen by a sharp lens."""
+    generator = stream(1, "bars", turned_deg)
+    widths = generator.integers(*width_px, 100)
+    line = np.repeat(generator.integers(50, 200, 100), widths)[: size[1]].astype(np.float32)
+    centre = (size[1] / 2, size[0] / 2)
+    turn = cv2.getRotationMatrix2D(centre, turned_deg, 1.5)
+    turned = cv2.warpAffine(np.tile(line, (size[0], 1)), turn, size[::-1], borderMode=cv2.BORDER_REFLECT)
+    return cv2.GaussianBlur(turned, (0, 0), 0.6) / 255
+
+
+@pytest.mark.parametrize("turned_deg", [0.0, 8.0, 45.0, 90.0])
+@pytest.mark.parametrize("sigma_dn", [0.0, 2.0, 8.0])
+def test_a_fence_is_striped_however_it_is_turned(turned_deg, sigma_dn):
+    fence = noisy(bars(turned_deg), sigma_dn)
+    assert striped(fence).all() and not structureless(fence).any()
+    _, coded = cv2.imencode(".jpg", np.rint(fence[0, 0] * 255).astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, 85])
+    assert striped(cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE)[None, None].astype(np.float32) / 255).all()
+
+
+def test_a_straight_edge_is_striped_and_a_corner_is_not():
+    y, x = np.mgrid[-96:96, -96:96]
+    assert striped(noisy(0.3 + 0.4 * (x + 0.1 * y > 0), 2.0)).all()
+    assert not striped(noisy(0.3 + 0.4 * ((x > 0) & (y > 0)), 2.0)).any()
+
+
+@pytest.mark.parametrize("moved", [(1, 41), (41, 1)])
+@pytest.mark.parametrize("sigma_dn", [0.0, 5.0])
+def test_motion_leaves_a_picture_structure_along_itself(moved, sigma_dn):
+    image = cv2.blur(data.camera()[100:292, 150:342] / 255, moved)
+    assert not striped(noisy(image, sigma_dn)).any()
+
+
+def test_the_monitor_takes_no_blur_from_a_fence():
+    """Estimators take the straightness of its bars for motion along them."""
+    frame = noisy(bars(8.0, (400, 600)), 2.0)[0, 0]
+    read = ConditionMonitor(noise_name="pca").frame(frame)
+    assert read.abstained["blur"] and set(read.reasons["blur"]) == {"striped"}
 
 
 def test_a_frame_of_shading_has_no_blur():

@@ -74,6 +74,28 @@ def test_a_dark_bar_at_one_border_is_left_out(black_dn):
     assert brightness(frame[::-1]) == brightness(frame[200:][::-1])
 
 
+@pytest.mark.parametrize("reach", [0.5, 0.62])
+@pytest.mark.parametrize("noise_dn", [0.0, 3.0])
+def test_the_black_surround_of_a_fisheye_does_not_change_the_exposure(reach, noise_dn):
+    """A whole circle, and one that the sensor cuts at top and bottom."""
+    picture = scene(400, 480)
+    y, x = np.mgrid[-200:200, -240:240] + 0.5
+    inside = np.hypot(x, y) < reach * 400
+    surround = np.abs(stream(1, "surround").normal(0, noise_dn, picture.shape)) / 255
+    frame = np.where(inside, picture, surround).astype(np.float32)
+    assert brightness(frame).mean_level == pytest.approx(picture[inside].mean(), rel=0.02)
+    assert Metering().factor(observe(frame), GAMMA) == 1.0
+
+
+def test_dark_corners_of_a_night_scene_count_as_picture():
+    """A lit window, headlights' cone: dark all around, and no circle."""
+    dark = np.abs(stream(1, "night").normal(0, 3, (400, 640))) / 255
+    for lit in (np.s_[100:300, 150:500], np.s_[200:400, 100:300], np.s_[:, 200:400], np.s_[:0]):
+        frame = dark.astype(np.float32)
+        frame[lit] = scene()[lit]
+        assert brightness(frame).mean_level == pytest.approx(frame.mean())
+
+
 def test_the_precision_of_a_frame_with_bars_is_expected_at_the_brightness_of_its_picture(monkeypatch):
     """Beside a surface of darker frames, bars would make it a darker frame."""
     frame = np.zeros((640, 640), np.float32)
