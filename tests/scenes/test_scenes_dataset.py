@@ -20,6 +20,12 @@ def frames():
     return {number: [render(Viewpoint("train", number), m, 7, **TINY) for m in moments] for number, moments in SHOWN}
 
 
+@pytest.fixture(scope="module", params=[0, 1])
+def scene(request):
+    """The plan of a viewpoint, made once for all its tests."""
+    return plan(Viewpoint("train", request.param), 7)
+
+
 def test_frames_have_the_stated_form(frames):
     for number, moments in SHOWN:
         for moment, frame in zip(moments, frames[number], strict=True):
@@ -81,9 +87,7 @@ def test_streets_and_villages_alternate():
     assert [Viewpoint("train", n).scene for n in range(4)] == ["street", "village", "street", "village"]
 
 
-@pytest.mark.parametrize("number", [0, 1])
-def test_what_moves_moves_steadily_and_the_rest_stays(number):
-    scene = plan(Viewpoint("train", number), 7)
+def test_what_moves_moves_steadily_and_the_rest_stays(scene):
     times = np.arange(MOMENTS) * MOMENT_S
     moving = 0
     for actor in scene.actors:
@@ -96,9 +100,7 @@ def test_what_moves_moves_steadily_and_the_rest_stays(number):
     assert np.allclose(np.linalg.norm(np.diff(eye, axis=0), axis=1), scene.camera.track.speed_mps * MOMENT_S, atol=0.01)
 
 
-@pytest.mark.parametrize("number", [0, 1])
-def test_the_same_objects_at_every_moment(number):
-    scene = plan(Viewpoint("train", number), 7)
+def test_the_same_objects_at_every_moment(scene):
     now, later = [actor.placed(0.0) for actor in scene.actors], [actor.placed(0.3) for actor in scene.actors]
     assert [a.name for a in now] == [b.name for b in later]
     assert len({a.name for a in now}) == len(now)
@@ -110,11 +112,9 @@ def test_the_same_objects_at_every_moment(number):
             assert a.position_m == b.position_m
 
 
-@pytest.mark.parametrize("number", [0, 1])
-def test_cars_do_not_stand_in_each_other(number):
+def test_cars_do_not_stand_in_each_other(scene):
     from pipeline.scenes.layout.site import footprint_of
 
-    scene = plan(Viewpoint("train", number), 7)
     cars = [p for p in (a.placed(0.0) for a in scene.actors) if p.thing.label == "car"]
     prints = [footprint_of(c.thing.mesh, c.position_m[0], c.position_m[1], c.yaw_rad) for c in cars]
     assert len(cars) >= 2
