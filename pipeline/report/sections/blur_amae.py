@@ -225,5 +225,6 @@ def unseen_kernels(record: Mapping[str, Any]) -> Table:
             result = part.get(name, {}).get(answer)
             if result is not None:
                 head = {"dataset": dataset, "estimator": word(name) + how, "patches": part["patches"]}
-                rows.append({**head, **result["mean_of_group_percent"], "mean": result["mean_amae_percent"]})
+                ends = dict(zip(("mean_low", "mean_high"), result["mean_interval_percent"], strict=True))
+                rows.append({**head, **result["mean_of_group_percent"], "mean": result["mean_amae_percent"], **ends})
     return PAGE.table("blur_unseen_kernels", rows, count=len(record["kernels"]), command=UNSEEN.command)
