@@ -10,6 +10,7 @@ from pipeline.errors import InputError
 from pipeline.report.display_names import word
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.sections import blur_amae
+from pipeline.report.tables import Estimate
 
 RECORD = REPO / "benchmarks/results/unseen_kernels.json"
 INPUTS = ReportInputs(paper=REPO / "data/paper", benchmarks={"unseen_kernels": RECORD})
@@ -34,7 +35,9 @@ def test_the_committed_record_is_shown_number_by_number(content: dict) -> None:
     for row, answer in zip(photos, answers, strict=False):
         result = content["results"]["photos"]["spectral"][answer]
         per_kernel = result["amae_percent"].values()
-        assert row["mean"] == pytest.approx(sum(per_kernel) / len(per_kernel), abs=2e-3)
+        mean = row["mean"]
+        assert isinstance(mean, Estimate) and mean.value == pytest.approx(sum(per_kernel) / len(per_kernel), abs=2e-3)
+        assert [mean.low, mean.high] == result["mean_interval_percent"] and mean.low <= mean.value <= mean.high
         assert row["aberrated"] == result["mean_of_group_percent"]["aberrated"]
     assert f"{len(content['kernels'])} kernels" in table.footnotes[0]
 
@@ -51,7 +54,7 @@ def test_peers_stand_beside_the_network_on_the_same_patches() -> None:
 def test_the_fused_estimator_stands_once_beside_the_network(content: dict) -> None:
     table = INPUTS.benchmark(blur_amae.UNSEEN, blur_amae.unseen_kernels)
     assert table is not None
-    rows = {row["dataset"]: row["mean"] for row in table.rows if row["estimator"] == "Fused, camera-calibrated"}
+    rows = {row["dataset"]: row["mean"].value for row in table.rows if row["estimator"] == "Fused, camera-calibrated"}
     means = {word(name): about["fused"]["camera_calibrated"]["mean_amae_percent"] for name, about in
              content["results"].items()}  # fmt: skip
     assert rows == means
