@@ -16,6 +16,7 @@ def run(run: Run) -> None:
     import pandas as pd
 
     from pipeline import store
+    from pipeline.config.detector_identity import detector_identity
     from pipeline.config.hydra_plugins.plug_in_sources import digest
     from pipeline.control import setup
     from pipeline.control.cache import fingerprint
@@ -27,7 +28,7 @@ def run(run: Run) -> None:
     scenario = setup.scenario(name, evaluation.named_scenario(section.scenarios, name))
     detector = params.detection.detectors[section.detector]
     options = detector.arguments()
-    about = store.read_json(run.inputs / "data/detector" / section.detector / "detector.json")
+    sha256 = detector_identity(section.detector, detector)["sha256"]
     every = folds(views(run.inputs / "data/sim", moments=section.moments), section.viewpoints, section.folds)
     camera = setup.camera(section.camera)
     pixels = [[view.name, view.path.read_bytes()] for fold in every for view in fold]
@@ -37,7 +38,7 @@ def run(run: Run) -> None:
             "camera": camera,
             "seed": params.seed,
             "frames": pixels,
-            "detector": [detector.kind, options, about["sha256"], digest("pipeline.detection", detector.kind)],
+            "detector": [detector.kind, options, sha256, digest("pipeline.detection", detector.kind)],
         },
     )
     rig = Rig(

@@ -26,6 +26,7 @@ def run(run: Run) -> None:
     import pandas as pd
 
     from pipeline import store
+    from pipeline.config.detector_identity import detector_identity
     from pipeline.config.hydra_plugins.plug_in_sources import digest
     from pipeline.control import setup
     from pipeline.control.cache import fingerprint
@@ -43,9 +44,9 @@ def run(run: Run) -> None:
     designs, camera = setup.designs(section.surface), setup.camera(section.camera)
     conditions = [(design, measured_surface.exposures(every_view, camera, design)) for design in designs]
     work = [(view, number) for number in range(len(designs)) for view in every_view]
-    about = store.read_json(run.inputs / "data/detector" / section.detector / "detector.json")
     shared: dict[str, Any] = {"camera": camera, "seed": params.seed}
-    sources = [about["sha256"], digest("pipeline.detection", detector.kind)]
+    sha256 = detector_identity(section.detector, detector)["sha256"]
+    sources = [sha256, digest("pipeline.detection", detector.kind)]
     by = {"detector": [detector.kind, options, *sources], "outputs": str(run.outputs)}
     key = fingerprint("pipeline.control.simulation.measured_surface", {**shared, **by, "conditions": conditions})
     folder = run.inputs / ".cache/control_surface" / key

@@ -23,6 +23,7 @@ def run(run: Run) -> None:
     from functools import partial
 
     from pipeline import store
+    from pipeline.config.detector_identity import detector_identity
     from pipeline.config.hydra_plugins.named_files import hashes
     from pipeline.config.hydra_plugins.plug_in_sources import digest
     from pipeline.datasets.selection import scenes_of
@@ -50,7 +51,7 @@ def run(run: Run) -> None:
         camera=params.camera,
         seed=params.seed,
     )
-    about = store.read_json(run.inputs / "data/detector" / name / "detector.json")
+    about = detector_identity(name, section)
     detector = [about["sha256"], digest("pipeline.detection", section.kind)]
     reader_options = {**source.options, **options}  # a third party's frames may read pictures by them
     about_run = {

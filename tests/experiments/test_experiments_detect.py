@@ -296,7 +296,6 @@ def _interval(folder: Path, copies: int, **options: object) -> tuple[float, floa
     config.datasets["folder"].options.update(options)
     config.detection.sweep.sizes_px[:], config.detection.sweep.target_sigmas_dn[:] = [0], [0.0]
     index.run.run(config, {"dataset": "folder"}, folder, folder)
-    store.write_json(folder / "data/detector/tiny/detector.json", {"sha256": ""})
     run(config, folder, "folder")
     detections, looked, objects = (
         store.read_table(folder / f"data/detect/folder-tiny/{name}.parquet", schema)

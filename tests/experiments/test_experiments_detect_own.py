@@ -118,6 +118,47 @@ def test_after_an_edit_of_a_helper_module_a_killed_sweep_begins_anew(
     assert store.read_json(tmp_path / "data/detector/mine/detector.json") != before
 
 
+SIZED = """
+from pathlib import Path
+
+
+class Sized(Spots):
+    def __init__(self, weights):
+        super().__init__(int(Path(weights).read_text()))
+"""
+"""A detector with weights, after `SPOTS`: the side of what it detects."""
+
+
+def test_work_kept_goes_by_the_weights_as_they_are_and_so_does_what_is_stated(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The stage `detector` may have opened others: a stage that is run by itself does not ask it."""
+    plug_in(tmp_path, monkeypatch, "sized_spots", SPOTS + SIZED, detection="sized = sized_spots:Sized")
+    weights, made = tmp_path / "side.txt", []
+    weights.write_text("30")
+    config = _with_own(data, f"{{kind: sized, weights: {weights}}}")
+    load_or_compute = checkpoint.load_or_compute
+
+    def killed(*arguments: Any) -> Any:
+        if len(made) == 3:
+            raise KeyboardInterrupt
+        made.append(load_or_compute(*arguments))
+        return made[-1]
+
+    index.run.run(config, {"dataset": "kitti"}, tmp_path, tmp_path)
+    detector.run.run(config, {"detector": "mine"}, tmp_path, tmp_path)
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(checkpoint, "load_or_compute", killed)
+        detect.run.run(config, {"dataset": "kitti", "detector": "mine"}, tmp_path, tmp_path)
+    weights.write_text("50")
+    sweep.opened.cache_clear()  # another process
+    detect.run.run(config, {"dataset": "kitti", "detector": "mine"}, tmp_path, tmp_path)
+    table = store.read_table(tmp_path / "data/detect/kitti-mine/detections.parquet", sweep.DETECTIONS)
+    assert set(table["x2"]) == {50.0}
+    about = store.read_json(tmp_path / "data/detect/kitti-mine/about.json")
+    assert about["sha256"] == hashlib.sha256(b"50").hexdigest() and about["weights"] == "side.txt"
+
+
 def test_another_file_behind_an_option_is_another_detector_and_weights_in_two_files_are_refused(
     data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

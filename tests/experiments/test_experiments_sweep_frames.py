@@ -46,7 +46,6 @@ def test_a_sweep_with_options_leaves_out_what_the_index_has_set_aside(
     tiny_yolox(tmp_path / "tiny.onnx", "side")
     config, out = _configured(tmp_path), tmp_path / "out"
     index.run.run(config, {"dataset": "folder"}, out, out)
-    store.write_json(out / "data/detector/tiny/detector.json", {"sha256": ""})
     detect.run.run(config, {"dataset": "folder", "detector": "tiny"}, out, out)
     looked = store.read_table(out / "data/detect/folder-tiny/looked.parquet", sweep.LOOKED)
     assert sorted(looked["frame"]) == ["frame-0", "frame-2", "frame-5"]
@@ -137,7 +136,6 @@ def test_another_file_or_value_of_a_readers_option_begins_a_killed_sweep_anew(
     config.datasets["folder"] = config.datasets["folder"].model_copy(update=section)
     config.detection.sweep.options["folder"] = options["sweep"] if edited == "sweep" else {"power": 1}
     index.run.run(config, {"dataset": "folder"}, tmp_path, tmp_path)
-    store.write_json(tmp_path / "data/detector/tiny/detector.json", {"sha256": ""})
 
     def mean(self: sweep.Sweep, frame: Frame, kernel: Kernel) -> dict[str, Any]:
         if frame.name == "frame-1" and len(killed) == 0:
