@@ -11,10 +11,11 @@ The measures are plain statistics of grey levels (DN, 0..255), so that an operat
 | ``banded`` | ``row_noise_dn``, ``column_noise_dn``: offsets of whole rows or columns | either above 1 DN |
 | ``dead_lines`` | ``dead_lines``: rows and columns that stand out over their whole length | 1 or more, and not banded |
 | ``impulses`` | ``impulse_fraction``: isolated pixels, far brighter or darker than all around | above 0.0003 |
-| ``frozen`` | ``repeats``: earlier frames in a row that this one repeats | at least 3 |
+| ``frozen`` | ``repeats``: earlier frames in a row that this one repeats | at least 3, and twice the usual run |
 
 Noise makes the frames of a live camera differ, so that equal ones mean a stream that stands still. Behind a codec ten
-frames that are alike within 0.02 DN do (`pipeline.condition.repeated_frames`).
+frames that are alike within 0.02 DN do (`pipeline.condition.repeated_frames`). Where the last two runs of equal frames
+had one length or more, as in a stream stored at a higher rate than its camera's, a run must be twice as long.
 
 The estimate of noise leaves out noise of whole rows or columns (`pipeline.condition.row_noise`), single dead or hot
 ones (`pipeline.condition.dead_lines`) and impulses (`pipeline.condition.impulses`). A measure that is NaN, as of a
@@ -90,9 +91,11 @@ class FrameFlags(FrameMeasures):
 
     Attributes:
         repeats: earlier frames in a row that this one repeats (`repeated_frames`); 0 for a picture.
+        usual_repeats: how often each frame of the stream was repeated before, as where it is stored at a higher rate.
     """
 
     repeats: int
+    usual_repeats: int = 0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -107,7 +110,7 @@ class FrameFlags(FrameMeasures):
             "banded": banded,
             "dead_lines": not banded and self.dead_lines > 0,
             "impulses": self.impulse_fraction > IMPULSE_FRACTION,
-            "frozen": self.repeats >= FROZEN_REPEATS,
+            "frozen": self.repeats >= max(FROZEN_REPEATS, 2 * (self.usual_repeats + 1)),
         }
         return tuple(name for name, holds in raised.items() if holds)
 
@@ -129,7 +132,7 @@ class FrameInspector:
             measures: those of the frame, where they are known already.
         """
         repeats = self._repeats.count(image, stream)
-        return FrameFlags(**vars(measures or measure(image)), repeats=repeats)
+        return FrameFlags(**vars(measures or measure(image)), repeats=repeats, usual_repeats=self._repeats.usual)
 
 
 def measure(image: NDArray[np.floating]) -> FrameMeasures:

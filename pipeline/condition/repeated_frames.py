@@ -14,9 +14,15 @@ once.
 Measured on stills of KITTI, Udacity and PolyU behind H.264 (CRF 18 to 35, ultrafast to medium), H.265 and MPEG-4: once
 the codec has settled, which takes up to 30 frames after the last motion, neighbours differ by at most 0.015 DN. A key
 frame often differs from those before it by more (0.4 to 1.4 DN); the count then begins again.
+
+A stream that is stored at a higher rate than its camera has repeats each frame as often; `RepeatCounter.usual` tells
+how often. A run of equal frames counts as usual where the next frame is another picture, by more than
+`OTHER_PICTURE_DN` on average, as noise and motion make it and a key frame does not.
 """
 
 from __future__ import annotations
+
+from collections import deque
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +30,8 @@ from numpy.typing import NDArray
 ALIKE_DN = 0.02
 BLOCK_ALIKE_DN = 2.0
 BLOCK_PX = 16
+OTHER_PICTURE_DN = 2.0
+USUAL_RUNS = 2  # completed one after the other, from which the shorter is usual
 LEAST_ALIKE = 10  # repeats that are not exact do not count before there are this many
 
 
@@ -34,6 +42,12 @@ class RepeatCounter:
         self._stream = ""
         self._last = self._first = np.empty((0, 0), np.float32)
         self._equal = self._alike = 0
+        self._completed: deque[int] = deque(maxlen=USUAL_RUNS)
+
+    @property
+    def usual(self) -> int:
+        """How often each frame of the stream was repeated before this run: 0 of a camera's own rate."""
+        return min(self._completed) if len(self._completed) == USUAL_RUNS else 0
 
     def count(self, image: NDArray[np.floating], stream: str) -> int:
         """Take the next frame.
@@ -48,15 +62,26 @@ class RepeatCounter:
         frame = np.asarray(image, dtype=np.float32)
         known = bool(stream) and stream == self._stream and frame.shape == self._last.shape
         self._stream = stream
+        if not known:
+            self._completed.clear()
         if known and np.array_equal(frame, self._last):
             self._equal, self._alike = self._equal + 1, self._alike + 1
         else:
+            if known:
+                self._completed.append(self._equal if self._equal and _is_another(frame, self._last) else 0)
             self._last, self._equal = frame.copy(), 0  # the caller may read the next frame into the array
             if known and alike(self._last, self._first):
                 self._alike += 1
             else:
                 self._first, self._alike = self._last, 0
         return self._alike if self._alike >= LEAST_ALIKE else self._equal
+
+
+def _is_another(image: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
+    """Whether two frames differ by more than a key frame changes a picture that stands still."""
+    import cv2
+
+    return bool(cv2.norm(image, other, cv2.NORM_L1) > OTHER_PICTURE_DN / 255 * image.size)
 
 
 def alike(image: NDArray[np.float32], other: NDArray[np.float32]) -> bool:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from data_makers import picture
 
+from pipeline.condition.frame_flags import FrameInspector
 from pipeline.condition.repeated_frames import ALIKE_DN, BLOCK_ALIKE_DN, LEAST_ALIKE, RepeatCounter, alike
 from pipeline.streams import stream
 
@@ -50,6 +51,26 @@ def test_equal_frames_count_at_once_and_others_end_the_run():
     counter = RepeatCounter()
     assert [counter.count(STILL / 255, name) for name in ("a", "a", "b", "b")] == [0, 1, 0, 1]
     assert counts([STILL, STILL, STILL[:100], STILL[:100]]) == [0, 1, 0, 1]
+
+
+def flagged(frames):
+    inspector = FrameInspector()
+    return ["frozen" in inspector.inspect((frame / 255).astype(np.float32), "v.mp4").names for frame in frames]
+
+
+@pytest.mark.parametrize("times", [4, 5, 8])
+def test_a_stream_stored_at_a_higher_rate_is_frozen_only_where_it_stands_longer_than_usual(times):
+    padded = [frame for frame in live(6, 4.0) for _ in range(times)]
+    assert not any(flagged(padded)[2 * times :])
+    stands = flagged(padded + [padded[-1]] * 3 * times)
+    assert not any(stands[2 * times : 7 * times]) and all(stands[7 * times :])
+    assert not any(flagged(padded + live(3, 4.0) + padded)[2 * times : 6 * times + 3])
+
+
+def test_runs_that_key_frames_end_are_not_the_streams_own():
+    """A frozen stream: every 12th frame is coded anew, and changes the picture by a little."""
+    frames = [STILL + 1.4 * (number % 2) for number in range(8) for _ in range(12)]
+    assert all(flag for index, flag in enumerate(flagged(frames)) if index % 12 >= 3)
 
 
 def test_a_reused_array_is_not_taken_for_a_repeat():
