@@ -190,7 +190,7 @@ class FrameAnalysis:
         """Expected average precision, and advice where exposure and ISO are known."""
         nan = float("nan")
         row |= dict.fromkeys(("ap_percent", "ap_low_percent", "ap_high_percent", "best_exposure_ms", "best_iso"), nan)
-        row["best_ap_percent"] = nan
+        row["best_ap_percent"] = row["gain_percent"] = nan
         if self.performance is None:
             return
         from pipeline.cli.analysis.flag_words import left_out_words

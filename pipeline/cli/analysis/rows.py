@@ -27,7 +27,8 @@ NOISE_PARTS = ("white_sigma_dn", "noise_correlation")
 """Columns of the part of the noise that is white, and of its correlation between neighbours."""
 WRITTEN = (
     *COLUMNS, "blur", "blur_direction", "blur_range", "noise", "causes", "ap_percent", "ap_low_percent",
-    "ap_high_percent", "best_exposure_ms", "best_iso", "trend", "codec", "quantiser", *NOISE_PARTS,
+    "ap_high_percent", "best_exposure_ms", "best_iso", "best_ap_percent", "gain_percent", "trend", "codec",
+    "quantiser", *NOISE_PARTS,
 )  # fmt: skip
 """Columns of the table of a run: those of `condition_row` and what is inferred from them."""
 HEADER = f"{'sigma DN':>9} {'95 % interval':>15} {'MTF50 H':>8} {'MTF50 V':>8} {'answered':>11} {'ms':>6}  picture"

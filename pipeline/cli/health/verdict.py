@@ -131,7 +131,7 @@ def _advice(rows: Sequence[dict[str, Any]]) -> list[str]:
 
     Advice takes any blur for motion: where that of its frame may be defocus, that is stated. The gain is that of
     `pipeline.control.advice`: AP at the best settings less AP at those taken, by noise and motion, which settings
-    change. The expected AP is of noise and any blur, so the two are not compared.
+    change. The expected AP is of noise and any blur; where the two differ, the AP that the gain counts from is stated.
     """
     from pipeline.condition.verdict import noise_ends
 
@@ -145,6 +145,7 @@ def _advice(rows: Sequence[dict[str, Any]]) -> list[str]:
     exact = isfinite(row["sigma_dn"]) and least_dn == most_dn and not row["blur_range"]
     least = "" if exact else "at least "  # of all that is possible
     gain = f"{least}{row['gain_percent']:.0f} points of AP more expected"
+    gain += _counted_from(row) if exact else ""
     beside = [gain] if isfinite(row["gain_percent"]) else []
     if row["blur"] not in ("", "sharp") and not row["blur_direction"]:
         beside.append("if the blur is of motion")
@@ -152,6 +153,13 @@ def _advice(rows: Sequence[dict[str, Any]]) -> list[str]:
         name = printable(row["picture"])
         beside.append(f"as for {name}; other settings advised in {len(advised)} of {len(rows)} frames")
     return [text + (f" ({', '.join(beside)})" if beside else "")]
+
+
+def _counted_from(row: dict[str, Any]) -> str:
+    """The AP that an exact gain counts from, in words, where it is not the expected one; see `_advice`."""
+    taken_percent = row["best_ap_percent"] - row["gain_percent"]
+    differs = isfinite(taken_percent) and f"{taken_percent:.0f}" != f"{row['ap_percent']:.0f}"
+    return f", from {taken_percent:.0f} % by noise and motion alone" if differs and isfinite(row["ap_percent"]) else ""
 
 
 def _without_advice(row: dict[str, Any]) -> str:

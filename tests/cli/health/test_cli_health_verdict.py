@@ -23,6 +23,12 @@ def test_the_verdict_has_what_is_known_only():
         "Cause: probably motion. Try 4 ms at ISO 800 (14 points of AP more expected)."
     )
     assert verdict["sentences"] == [verdict["sentence"]]
+    other = run_verdict([known | {"ap_percent": 66.0}], without_precision="")["sentence"]
+    assert other.endswith("(14 points of AP more expected, from 71 % by noise and motion alone).")
+    bounded = run_verdict(
+        [known | {"ap_percent": 66.0, "blur_range": "sharp to strongly blurred"}], without_precision=""
+    )
+    assert bounded["sentence"].endswith("(at least 14 points of AP more expected).")
     little = run_verdict([known | {"gain_percent": 1.9}], without_precision="")
     assert "Try" not in little["sentence"]
     none = "No better settings: none within the limits is expected to gain 2 points of AP."
