@@ -18,12 +18,15 @@ The coarsest quantisers of H.264 leave more noise than bounds allow for, too: wh
 
 from __future__ import annotations
 
+import re
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from math import isfinite
 from numbers import Real
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, did_you_mean
 
 
 @dataclass(frozen=True)
@@ -70,10 +73,39 @@ OTHER_NAMES: Mapping[str, str] = {
 """Common names and four-character codes, as OpenCV gives them, of the codecs of `HIDDEN` -> FFmpeg's name."""
 
 
+ENCODERS: Mapping[str, str] = {
+    "hevc": r"libx265|libkvazaar|(hevc|h265)_\w+", "vp8": r"libvpx|vp8_\w+", "vp9": r"libvpx-vp9|vp9_\w+",
+    "av1": r"libaom-av1|libsvtav1|librav1e|libdav1d|av1_\w+", "h264": r"libx264(rgb)?|libopenh264|h264_\w+",
+}  # fmt: skip
+"""Patterns of FFmpeg's names of encoders and decoders of the codecs of `HIDDEN`, as ``hevc_nvenc``."""
+
+FOUR_CHARACTERS = frozenset({
+    "avc1", "cram", "divx", "dx50", "div3", "dvsd", "ffv1", "ffvh", "fmp4", "h263", "hfyu", "i420", "iyuv", "jpeg",
+    "lags", "mjpa", "mjpg", "mp42", "mp43", "mp4v", "mpg1", "mpg2", "mpng", "nv12", "ulrg", "uly0", "uly2", "uyvy",
+    "v210", "wmv1", "wmv2", "wmv3", "xvid", "y16", "y800", "yuy2", "yuyv", "yv12",
+})  # fmt: skip
+"""Of codecs that hide no noise, or show traces, as OpenCV and the containers give them."""
+
+
 def ffmpeg_name(codec: str) -> str:
-    """FFmpeg's name of a codec of `HIDDEN`, in any case, or one of its `OTHER_NAMES`; others in small letters."""
+    """FFmpeg's name of a codec of `HIDDEN`, from any of its names; others in small letters."""
     name = codec.strip().lower()
-    return OTHER_NAMES.get(name, name)
+    name = OTHER_NAMES.get(name, name)
+    return next((known for known, pattern in ENCODERS.items() if re.fullmatch(pattern, name)), name)
+
+
+@cache
+def _warn_if_unknown(name: str) -> None:
+    """Warn, once, of a name that nobody knows: noise that its codec hides would be read as none."""
+    import av
+
+    known = {*av.codecs_available, *HIDDEN, *OTHER_NAMES}
+    if name not in known | FOUR_CHARACTERS:
+        near = did_you_mean(name, known)
+        hint = near if near.startswith("did") else "expected FFmpeg's name, as hevc, or '' where it is unknown"
+        warnings.warn(
+            f"codec {name!r} is not known: noise is read as of a picture without a codec; {hint}", stacklevel=4
+        )
 
 
 def hidden_noise_dn(codec: str, quantiser: int | None = None) -> float:
@@ -83,6 +115,8 @@ def hidden_noise_dn(codec: str, quantiser: int | None = None) -> float:
         codec: of the video that the frame is of (`ffmpeg_name`); empty where it is unknown, or for a picture.
         quantiser: of the frame, where it is known.
 
+    A name that is not known is warned of.
+
     Raises:
         InputError: the codec is no text, or the quantiser no number, as the NaN of a table.
     """
@@ -91,7 +125,11 @@ def hidden_noise_dn(codec: str, quantiser: int | None = None) -> float:
     if quantiser is not None and not (isinstance(quantiser, Real) and isfinite(quantiser)):
         raise InputError(f"quantiser={quantiser!r}: expected a number, or None where it is unknown")
     name = ffmpeg_name(codec)
-    return HIDDEN[name].at(quantiser) if name in HIDDEN else 0.0
+    if name not in HIDDEN:
+        if name:
+            _warn_if_unknown(name)
+        return 0.0
+    return HIDDEN[name].at(quantiser)
 
 
 def is_doubtful(frame_dn: float, hidden_dn: float) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from data_makers import picture
@@ -10,7 +12,7 @@ from benchmarks.video_codecs import shots
 from pipeline.camera.processing.codec import Codec
 from pipeline.condition import ConditionMonitor, noise_of_frame
 from pipeline.condition.estimate import withheld
-from pipeline.condition.video_codecs import HIDDEN, READ_FROM_DN, hidden_noise_dn, is_doubtful
+from pipeline.condition.video_codecs import HIDDEN, READ_FROM_DN, ffmpeg_name, hidden_noise_dn, is_doubtful
 from pipeline.datasets.decoding.video_coding import CODECS, Coding
 from pipeline.errors import InputError
 from pipeline.noise.base import COMPRESSED, NoiseEstimate
@@ -68,6 +70,26 @@ def test_what_is_hidden_grows_with_the_quantiser(codec):
 def test_codecs_are_known_by_their_other_names(codec):
     assert may_hide(codec, 2.0)
     assert withheld(tiles(1.0), hidden_noise_dn(codec)).at_most_dn[0] >= min(HIDDEN[name].most_dn for name in NAMED)
+
+
+@pytest.mark.parametrize(
+    ("encoder", "codec"),
+    [
+        ("hevc_nvenc", "hevc"), ("libx265", "hevc"), ("libvpx", "vp8"), ("libvpx-vp9", "vp9"), ("libsvtav1", "av1"),
+        ("h264_vaapi", "h264"), ("LIBX264", "h264"),
+    ],
+)  # fmt: skip
+def test_encoders_are_known_by_their_codec(encoder, codec):
+    assert ffmpeg_name(encoder) == codec and hidden_noise_dn(encoder, 50) == hidden_noise_dn(codec, 50)
+
+
+def test_a_name_that_nobody_knows_is_warned_of_once():
+    with pytest.warns(UserWarning, match="codec 'hvec' is not known: .*did you mean 'hevc'?"):
+        assert hidden_noise_dn("hvec") == 0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for known in ("hvec", "", "ffv1", "mjpeg", "prores", "rawvideo", "MJPG", "XVID"):
+            assert hidden_noise_dn(known) == 0
 
 
 @pytest.mark.parametrize("codec", ["", "h264", "mjpeg", "mpeg4", "avc1", "MJPG"])
