@@ -99,13 +99,13 @@ def _warn_if_unknown(name: str) -> None:
     """Warn, once, of a name that nobody knows: noise that its codec hides would be read as none."""
     import av
 
-    known = {*av.codecs_available, *HIDDEN, *OTHER_NAMES}
-    if name not in known | FOUR_CHARACTERS:
-        near = did_you_mean(name, known)
-        hint = near if near.startswith("did") else "expected FFmpeg's name, as hevc, or '' where it is unknown"
-        warnings.warn(
-            f"codec {name!r} is not known: noise is read as of a picture without a codec; {hint}", stacklevel=4
-        )
+    if name in av.codecs_available or name in FOUR_CHARACTERS:
+        return
+    hints = (did_you_mean(name, names) for names in (HIDDEN, av.codecs_available))
+    otherwise = "expected FFmpeg's name, as hevc, or '' where it is unknown"
+    hint = next((hint for hint in hints if hint.startswith("did")), otherwise)
+    message = f"codec {name!r} is not known: noise is read as of a picture without a codec; {hint}"
+    warnings.warn(message, stacklevel=4)
 
 
 def hidden_noise_dn(codec: str, quantiser: int | None = None) -> float:

@@ -10,7 +10,7 @@ import copy
 import json
 import os
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 KINDS = ("sharp frames", "fit", "edge chart", "star chart")
 CHARTS = KINDS[2:]
+CODE = "code"
+"""In the place of a weight file's name: the Python files of a third party's estimator."""
 GREATEST_MTF = 2.0  # sharpening raises it above 1, hardly beyond this; percent are not fractions
 
 
@@ -34,7 +36,8 @@ class StoredCamera:
         name: of the camera.
         kind: one of `KINDS`: how it was measured.
         blur_estimator: that it belongs to; a chart serves any.
-        weights_sha256: of the estimator's weight files, by name.
+        weights_sha256: of the estimator's weight files, by name, and of a third party's code (`CODE`), which files of
+            earlier versions do not have.
         size_px: (height, width) of the pictures; None for a chart, whose MTF does not depend on where it was cropped.
         frames: pictures that it was made from.
         unsharp: those of scenes that do not look sharp (`pipeline.condition.summary.unsharp`); files of earlier
@@ -163,6 +166,20 @@ def _damaged(path: Path, error: Exception) -> InputError:
     return InputError(f"{path}: not the calibration of a camera ({printable(error)}); calibrate it anew")
 
 
+def files_sha256(blur_name: str, options: Mapping[str, Any] | None = None) -> dict[str, str]:
+    """SHA-256 of what decides an estimator's answers: its weight files, by name, and a third party's `CODE`.
+
+    Args:
+        blur_name: of the estimator.
+        options: that it is made with.
+    """
+    from pipeline.config.hydra_plugins.plug_in_sources import digest
+    from pipeline.recording.provenance import blur_weights
+
+    code = digest("pipeline.blur", blur_name)
+    return blur_weights(blur_name, options) | ({} if code is None else {CODE: code})
+
+
 def apply(camera: StoredCamera, monitor: ConditionMonitor) -> None:
     """Make a monitor's blur relative to a calibrated camera.
 
@@ -171,13 +188,12 @@ def apply(camera: StoredCamera, monitor: ConditionMonitor) -> None:
         monitor: not calibrated yet.
 
     Raises:
-        InputError: it was calibrated with another estimator or other weights, or the estimator cannot be calibrated,
-            as one whose answers are relative to something already.
+        InputError: it was calibrated with another estimator, other weights or code, or the estimator cannot be
+            calibrated, as one whose answers are relative to something already.
     """
     from pipeline.blur.base import SHARP_FLOOR, Estimator, WithoutEmptyFrequencies
     from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration, refuse_relative
     from pipeline.camera.mtf import CAMERA
-    from pipeline.recording.provenance import blur_weights
 
     if camera.kind not in CHARTS:
         anew = f"run camera-monitor calibrate {camera.name} again"
@@ -186,7 +202,11 @@ def apply(camera: StoredCamera, monitor: ConditionMonitor) -> None:
                 f"--camera {camera.name} was calibrated for the estimator {camera.blur_estimator}, not "
                 f"{monitor.blur_name}; {anew} with --blur {monitor.blur_name}"
             )
-        if camera.weights_sha256 != blur_weights(monitor.blur_name, monitor.blur_options):
+        stored, known = dict(camera.weights_sha256), files_sha256(monitor.blur_name, monitor.blur_options)
+        code = known.pop(CODE, None)
+        if stored.pop(CODE, code) != code:
+            raise InputError(f"--camera {camera.name} was calibrated with other code of {monitor.blur_name}; {anew}")
+        if stored != known:
             raise InputError(f"--camera {camera.name} was calibrated with other weights; {anew}")
     refuse_relative(monitor.blur_estimator)
     if camera.fit is not None:

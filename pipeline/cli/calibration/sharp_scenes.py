@@ -12,14 +12,13 @@ from pipeline.answers import asked
 from pipeline.blur import camera_calibration
 from pipeline.blur.base import Estimator
 from pipeline.blur.camera_calibration import Calibration, CameraFittable
-from pipeline.cli.calibration.camera_store import StoredCamera
+from pipeline.cli.calibration.camera_store import StoredCamera, files_sha256
 from pipeline.cli.calibration.charts import LEAST_MTF
 from pipeline.cli.calibration.contrast import MOST_EMPTY_FRACTION, MOST_EMPTY_FRACTION_FIT, refuse_without_contrast
 from pipeline.cli.package_version import version
 from pipeline.condition.estimate import readable_patches
 from pipeline.condition.summary import unsharp
 from pipeline.errors import InputError, printable
-from pipeline.recording.provenance import blur_weights
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -53,7 +52,7 @@ def from_scenes(
     estimator = blur.create(blur_name)
     if not calibrate_estimator and (not isinstance(estimator, Estimator) or isinstance(estimator, CameraFittable)):
         raise InputError(f"--blur {blur_name}: its calibration cannot be stored; choose spectral, pmp or gbb")
-    hashes = blur_weights(blur_name)
+    hashes = files_sha256(blur_name)
     measured = _measured(frames, estimator, blur_name)
     doubtful = _check_sharpness(
         measured.names, measured.mtfs, MOST_EMPTY_FRACTION_FIT if calibrate_estimator else MOST_EMPTY_FRACTION

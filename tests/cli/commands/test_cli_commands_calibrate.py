@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 from control_makers import performance
 from data_makers import gaussian_mtf, picture
+from plug_in_makers import plug_in
 from star_makers import synthesise
 
 from pipeline.blur import camera_calibration, create
@@ -417,3 +418,34 @@ def test_without_a_home_folder_none_is_stored_and_the_variable_is_named(monkeypa
     assert camera_store.names() == []
     with pytest.raises(InputError, match="set CAMERA_MONITOR_HOME"):
         camera_store.load("front")
+
+
+LEVEL_ESTIMATOR = """
+import numpy as np
+from pipeline.blur.base import BlurEstimate, Estimator
+
+
+class Level(Estimator):
+    def measure(self, patches, reason):
+        mtf = np.full((len(patches), 2, 8), LEVEL)
+        return BlurEstimate(mtf, np.zeros(len(patches), bool), np.full(len(patches), ""))
+"""
+
+
+def test_a_calibration_is_for_the_code_of_a_third_partys_estimator_that_it_was_made_with(tmp_path, home, monkeypatch):
+    """Its answers with other code would be divided by those of the former."""
+    points = {"blur": "level = level_of_mine:Level"}
+    module = plug_in(tmp_path, monkeypatch, "level_of_mine", f"LEVEL = 0.5\n{LEVEL_ESTIMATOR}", **points)
+    sharp = save(tmp_path / "sharp.png", picture("level", 480, 360) / 255)
+    done = call("calibrate", "front", sharp, "--blur", "level")
+    assert done.exit_code == 0, done.output
+    assert call("health", sharp, "--camera", "front", "--blur", "level", "--no-trend").exit_code == 0
+    stored = home / "cameras/front.json"
+    content = json.loads(stored.read_text())
+    assert list(content["weights_sha256"]) == [camera_store.CODE]
+    module.write_text(module.read_text().replace("0.5", "0.25"))
+    done = call("health", sharp, "--camera", "front", "--blur", "level", "--no-trend")
+    words = "front was calibrated with other code of level; run camera-monitor calibrate front again"
+    assert done.exit_code == 2 and words in done.output
+    stored.write_text(json.dumps(content | {"weights_sha256": {}}))  # of an earlier version
+    assert call("health", sharp, "--camera", "front", "--blur", "level", "--no-trend").exit_code == 0
