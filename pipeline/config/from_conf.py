@@ -6,7 +6,7 @@ import itertools
 import multiprocessing
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -55,7 +55,7 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
 
     if not (CONF / "config.yaml").is_file():
         raise InputError(f"{CONF}/config.yaml: no such file; run from the project's top folder")
-    check_overrides(arguments, CONF, check_references)
+    check_overrides(arguments, CONF, check_references, lambda config, job: check_job(stage, config, job))
     check_sweep(arguments)
     check_scheduler(arguments)
     options, words = split(arguments)
@@ -65,6 +65,8 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
             refuse_chdir(override.value())
         if override.key_or_group == "hydra.run.dir" and not override.is_sweep_override():
             check_outputs(Path(str(override.value())))  # before Hydra writes its records there
+    if all(override.key_or_group != "hydra.run.dir" for override in overrides):
+        refuse_file(Path("outputs") / stage.name)
     for sentence in warnings(stage, arguments, CONF):
         print(f"warning: {sentence}", file=sys.stderr)
     folders = [f"hydra.run.dir=outputs/{stage.name}"]
@@ -92,6 +94,36 @@ def start_processes_without_joblib() -> None:
         multiprocessing.set_start_method("spawn", force=True)
 
 
+def check_job(stage: Stage, config: Any, job: Mapping[str, str]) -> None:
+    """Check that what a job names is configured, before the first job of a sweep runs.
+
+    Args:
+        stage: that runs it.
+        config: composed.
+        job: its keys; where one is missing or too many, the stage says so itself.
+
+    Raises:
+        InputError: a name that is not configured.
+    """
+    if set(job) == set(stage.job):
+        for path in stage.declared(job):
+            stage._find(config, path)
+
+
+def refuse_file(folder: Path) -> None:
+    """Refuse a folder for results that is a file, or lies below one.
+
+    Args:
+        folder: it need not exist.
+
+    Raises:
+        InputError: a file is in its way.
+    """
+    for path in (folder, *folder.parents):
+        if path.exists() and not path.is_dir():
+            raise InputError(f"{path}: a file, where results need a folder; move it, or give another folder")
+
+
 def refuse_chdir(chdir: object) -> None:
     """Refuse that Hydra changes into a stage's output folder, where it would look for its inputs.
 
@@ -115,8 +147,9 @@ def check_outputs(folder: Path) -> None:
         folder: that Hydra was asked to write to.
 
     Raises:
-        InputError: it is the project itself, or the folder of a profile, which links may lead to.
+        InputError: it is the project itself, or the folder of a profile, which links may lead to; or a file.
     """
+    refuse_file(folder)
     project, runs, target = Path.cwd().resolve(), Path("runs").resolve(), folder.resolve()
     profiles = [each.resolve() for each in runs.iterdir()] if runs.is_dir() else []
     if target == project or target.parent == runs or target in profiles:
@@ -134,6 +167,7 @@ def fresh_folder(parent: Path) -> Path:
     Returns:
         its path; no other sweep gets it, not even one that starts at the same moment.
     """
+    refuse_file(parent)
     now = time.strftime("%Y-%m-%d_%H-%M-%S")
     parent.mkdir(parents=True, exist_ok=True)
     for name in itertools.chain([now], (f"{now}_{number}" for number in itertools.count(2))):

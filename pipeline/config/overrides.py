@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import math
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -111,14 +112,18 @@ def check_sweep(arguments: Sequence[str]) -> None:
 
 
 def check_overrides(
-    arguments: Sequence[str], conf: Path, further: Callable[[Config], None] = lambda config: None
+    arguments: Sequence[str],
+    conf: Path,
+    further: Callable[[Config], None] = lambda config: None,
+    check_job: Callable[[Config, Mapping[str, str]], None] = lambda config, job: None,
 ) -> None:
-    """Compose every combination of a stage's overrides once.
+    """Compose every combination of a stage's overrides once; of more than 64 the first ones, and each value.
 
     Args:
         arguments: of the command line: overrides, of which some may sweep, and Hydra's options.
         conf: the folder of groups.
         further: a check of every combination beyond the schema, e.g. `pipeline.config.references.check_references`.
+        check_job: a check of every job of a sweep with every combination.
 
     Raises:
         InputError: an override cannot be read, names a key, option or value that does not exist, or a launcher that is
@@ -127,6 +132,7 @@ def check_overrides(
     from pipeline.config.compose import compose, parse
 
     choices: list[list[str]] = []
+    jobs: list[dict[str, str]] = [{}]
     keys = set[str]()
     for override in parsed(split(arguments)[1]):
         word = override.input_line
@@ -144,10 +150,30 @@ def check_overrides(
             raise InputError(f"{word}: a sweep is over listed values, e.g. {override.key_or_group}=1,2")
         if head == "job":
             _check_job(override)
+            jobs = [{**job, **part} for job in jobs for part in _jobs_of(override)]
         else:
             choices.append(values_of(override))
-    for chosen in itertools.islice(itertools.product(*choices), MOST_COMBINATIONS):
-        further(parse(compose(chosen, conf), "conf/"))
+    for chosen in _checked(choices):
+        config = parse(compose(chosen, conf), "conf/")
+        further(config)
+        for job in jobs:
+            check_job(config, job)
+
+
+def _checked(choices: Sequence[Sequence[str]]) -> Iterator[tuple[str, ...]]:
+    """Combinations of overrides that are composed before a sweep begins; see `check_overrides`."""
+    yield from itertools.islice(itertools.product(*choices), MOST_COMBINATIONS)
+    if math.prod(map(len, choices)) > MOST_COMBINATIONS:
+        firsts = [values[0] for values in choices]
+        for position, values in enumerate(choices):
+            yield from ((*firsts[:position], value, *firsts[position + 1 :]) for value in values[1:])
+
+
+def _jobs_of(override: Any) -> list[dict[str, str]]:
+    """What each value of an override adds to the job."""
+    _, _, key = override.key_or_group.partition(".")
+    values = [parsed([line])[0].value() for line in values_of(override)]
+    return [{key: str(value)} if key else {name: str(part) for name, part in value.items()} for value in values]
 
 
 def _check_job(override: Any) -> None:
@@ -195,8 +221,15 @@ def values_of(override: Any) -> list[str]:
 
     Returns:
         lines ``KEY=VALUE``; none for a range that is not a list of values.
+
+    Raises:
+        InputError: a pattern of names, which Hydra expands only where it runs.
     """
+    from hydra.core.override_parser.types import ValueType
+
     line: str = override.input_line
+    if override.value_type == ValueType.GLOB_CHOICE_SWEEP:
+        raise InputError(f"{line}: list the values, e.g. {line.partition('=')[0]}=FIRST,SECOND")
     if not override.is_sweep_override() or not override.is_discrete_sweep():
         return [line] if not override.is_sweep_override() else []
     key = line.partition("=")[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import shutil
 import subprocess
 import sys
@@ -9,10 +10,12 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.config import from_conf
 from pipeline.config.compose import CONF, compose, parse
 from pipeline.config.from_conf import check_outputs
-from pipeline.config.overrides import check_overrides, check_sweep, parsed, split
+from pipeline.config.overrides import _checked, check_overrides, check_sweep, parsed, split
 from pipeline.errors import InputError
+from pipeline.stages import noise, sensor
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -34,6 +37,8 @@ def at_top(monkeypatch: pytest.MonkeyPatch) -> None:
         (["--config-dir=x"], "--config-dir: .*conf/config.yaml"),
         (["--multrun", "seed=1,2"], "--multrun: .*did you mean '--multirun'"),
         (["datasets.photos.root=/data/Fährten"], "quote.*'datasets.photos.root=\"/data/Fährten\"'"),
+        (["camera=glob(*)", "--multirun"], r"camera=glob\(\*\): list the values, e.g. camera=FIRST,SECOND$"),
+        (["+job.estimator=glob(p*)", "--multirun"], r"list the values, e.g. \+job.estimator=FIRST,SECOND$"),
         (["seed"], "seed: not an override KEY=VALUE$"),
         (["seed=true"], "'seed': .*valid integer"),
         (["executor.workers=true"], "'executor.workers': .*valid integer"),
@@ -59,6 +64,37 @@ def test_options_stand_anywhere() -> None:
     )
     check_overrides(["--cfg", "job", "seed=3"], CONF)
     check_overrides(["+job={dataset: photos}", "+job.estimator=pca,bf", "--multirun"], CONF)
+
+
+def test_every_job_of_a_sweep_is_checked_before_the_first_runs(tmp_path: Path) -> None:
+    jobs = ["+job.dataset=photos", "+job.estimator=pca,pcaa", "--multirun", f"hydra.sweep.dir={tmp_path / 'sweep'}"]
+    with pytest.raises(InputError, match="'pcaa' is not among the configured noise.estimators; did you mean 'pca'"):
+        from_conf.start(noise.run, jobs)
+    assert not (tmp_path / "sweep").exists()
+    own = ["+noise.estimators.pcaa={kind: pca}", "+job={dataset: photos}", "+job.estimator=pca,pcaa", "--multirun"]
+    check_overrides(own, CONF, check_job=lambda config, job: from_conf.check_job(noise.run, config, job))
+
+
+def test_of_many_combinations_each_value_is_checked() -> None:
+    choices = [[f"{key}={value}" for value in range(10)] for key in "abc"]
+    checked = list(_checked(choices))
+    assert len(checked) < 100 and {value for chosen in checked for value in chosen} == set(itertools.chain(*choices))
+    assert list(_checked(choices[:1])) == [(value,) for value in choices[0]]
+
+
+@pytest.mark.parametrize("multirun", [False, True])
+def test_a_file_where_results_need_a_folder_is_named_before_anything_runs(
+    multirun: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "conf").symlink_to(ROOT / "conf")
+    monkeypatch.chdir(tmp_path)
+    name = "multirun" if multirun else "outputs"
+    (tmp_path / name).write_text("")
+    with pytest.raises(InputError, match=f"^{name}: a file, where results need a folder; move it"):
+        from_conf.start(sensor.run, ["seed=1,2", "--multirun"] if multirun else [])
+    if not multirun:
+        with pytest.raises(InputError, match=f"{name}: a file"):
+            from_conf.start(sensor.run, [f"hydra.run.dir={tmp_path / name}/below"])
 
 
 def test_a_quoted_value_may_hold_any_letters() -> None:
