@@ -30,6 +30,7 @@ TORN = "cut off"
 TURNED, CURVE = "turned", "curve"
 """Kinds of remarks about a video that can be read: see `remarks`."""
 
+VIDEO_BLACK, VIDEO_RANGE = 16, 219  # grey levels of limited range, 16 to 235
 _STREAM_OPTIONS = {"rtsp_flags": "prefer_tcp"}  # over UDP packets are lost, and with them parts of frames
 CURVES = {
     8: "linear",
@@ -213,13 +214,18 @@ def grey_levels(frame: Frame) -> np.ndarray:
     """
     import av
     import numpy as np
+    from av.video.reformatter import ColorRange
 
     try:
         # bicubic, as OpenCV's reader converts
         pixels = _full_colour(frame).reformat(format="bgr24", interpolation="BICUBIC").to_ndarray()
     except (av.FFmpegError, ValueError) as error:
         raise InputError(f"pixels of the format {frame.format.name} cannot be converted ({_reason(error)})") from None
-    return grey_frame(np.asarray(pixels, np.uint8))
+    pixels = np.asarray(pixels, np.uint8)
+    if frame.format.name.startswith("gray") and frame.color_range == ColorRange.MPEG:
+        # FFmpeg takes grey pixels for full range, whatever their file says.
+        pixels = np.clip(np.rint((pixels - np.float32(VIDEO_BLACK)) * (255 / VIDEO_RANGE)), 0, 255).astype(np.uint8)
+    return grey_frame(pixels)
 
 
 def _full_colour(frame: Frame) -> Frame:

@@ -12,6 +12,7 @@ import av
 import cv2
 import numpy as np
 import pytest
+from av.video.reformatter import ColorRange
 from data_makers import picture
 from PIL import Image
 
@@ -54,6 +55,26 @@ def read_until_refused(path: Path) -> tuple[list[int], str]:
             assert image.shape == (240, 320) and image.dtype == np.float32
             numbers.append(number)
     return numbers, str(caught.value)
+
+
+@pytest.mark.parametrize("pixels", ["gray", "gray10le", "yuv420p"])
+@pytest.mark.parametrize("limited", [False, True])
+def test_grey_levels_of_limited_range_are_expanded_of_grey_pixels_too(pixels: str, limited: bool) -> None:
+    """Black is 16 and white 235 there, and noise smaller by as much."""
+    levels = np.arange(256, dtype=np.float64)[None].repeat(16, axis=0)
+    depth = 4 if "10" in pixels else 1
+    stored = np.rint(depth * (16 + levels * 219 / 255 if limited else levels)).astype(
+        np.uint16 if depth > 1 else np.uint8
+    )
+    frame = av.VideoFrame(256, 16, pixels)
+    planes = [stored, *[np.full((8, 128), 128, np.uint8)] * 2]
+    for plane, values in zip(frame.planes, planes, strict=False):
+        lines = np.zeros((plane.height, plane.line_size), np.uint8)
+        lines[:, : values.shape[1] * values.itemsize] = values.view(np.uint8)
+        plane.update(lines.tobytes())
+    frame.color_range = ColorRange.MPEG if limited else ColorRange.JPEG
+    assert np.abs(grey_levels(frame) * 255 - levels).max() <= 1.1
+    assert grey_levels(frame).max() == 1 and grey_levels(frame).min() == 0
 
 
 @pytest.mark.parametrize(
