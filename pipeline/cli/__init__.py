@@ -8,6 +8,8 @@ once. Beside them is what commands share, in folders: ``options`` of the command
 
 from __future__ import annotations
 
+import warnings
+
 import click
 
 from pipeline.cli.lazy_group import LazyGroup
@@ -43,3 +45,5 @@ COMMANDS = {
 @click.version_option(package_name="camera-condition-pipeline")
 def main() -> None:
     """Monitor the physical condition of a camera, on your own pictures."""
+    # Pictures of up to twice that size are read, larger ones refused in a line of our own.
+    warnings.filterwarnings("ignore", message="Image size .* could be decompression bomb")
