@@ -16,6 +16,7 @@ from typing import Any
 
 from pipeline.camera.sensor import SENSORS
 from pipeline.config.hydra_plugins.named_files import in_one_file
+from pipeline.config.name_clashes import name_clashes
 from pipeline.errors import InputError, did_you_mean
 from pipeline.executor import ADDRESS_PATTERN
 from pipeline.experiments.class_maps import class_map
@@ -64,6 +65,7 @@ def _problems(config: Any) -> Iterator[str]:
     ):
         for name, entry in entries.items():
             yield from _kind(f"{key}.{name}", group, entry)
+    yield from _registered_twice(config)
     yield from _names(config)
     yield from _reader_options(config)
     yield from _labels(config)
@@ -101,6 +103,24 @@ def _kind(key: str, package: str, entry: Any) -> Iterator[str]:
     if detector and entry.weights is not None and weights is None and not _takes_any(parameters):
         yield f"{key}.weights: '{entry.kind}' takes no weights; leave the key out"
     yield from _unknown(f"{key}.options", entry.kind, entry.options, parameters)
+
+
+def _registered_twice(config: Any) -> Iterator[str]:
+    """Names in use that stand for more than one class: which one a stage would run is not what is written."""
+    measure = config.detection.measure
+    used = {
+        "datasets": _kinds(config.datasets),
+        "noise": {*_kinds(config.noise.estimators), *_kinds(config.real_noise.estimators), measure.sigma},
+        "blur": {*_kinds(config.blur.estimators), measure.mtf},
+        "detection": _kinds(config.detection.detectors),
+        "control": _kinds(config.control.policies),
+    }
+    for package, names in used.items():
+        yield from name_clashes(REGISTRIES.get(package), names).values()
+
+
+def _kinds(entries: Mapping[str, Any]) -> set[str]:
+    return {entry.kind for entry in entries.values()}
 
 
 def _unknown(key: str, kind: str, options: Iterable[str], parameters: Mapping[str, inspect.Parameter]) -> Iterator[str]:

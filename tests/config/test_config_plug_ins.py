@@ -11,9 +11,10 @@ from yolox_makers import tiny_yolox, weights_apart
 
 from pipeline import yaml_text
 from pipeline.config.compose import compose, parse
+from pipeline.config.hydra_plugins.builtin_names import builtin_names
 from pipeline.config.hydra_plugins.named_files import hashes, weights_beside
 from pipeline.config.hydra_plugins.plug_in_sources import digest
-from pipeline.config.references import check_references
+from pipeline.config.references import REGISTRIES, check_references
 from pipeline.dependencies.stage_groups import groups
 from pipeline.errors import InputError
 
@@ -187,6 +188,46 @@ def test_an_option_that_a_policy_of_ones_own_does_not_take_is_refused_when_compi
         override = f"+control.policies.mine={{kind: shorter, options: {{{given}: 1}}}}"
         with pytest.raises(InputError, match=f"control.policies.mine.options.{given}: unknown option .*{words}"):
             check_references(parse(compose([override]), "conf/"))
+
+
+@pytest.mark.parametrize("package", REGISTRIES.names())
+def test_built_in_names_are_those_of_the_registries(package: str) -> None:
+    registry = REGISTRIES.get(package)
+    assert builtin_names(registry.group) == {name for name in registry.names() if registry.is_builtin(name)} != set()
+
+
+@pytest.mark.usefixtures("at_top")
+def test_a_name_that_is_built_in_has_no_hash_of_a_third_party_and_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The registry takes the built-in class: a third party's of the same name is never asked."""
+    text = "class Mine: ...\n"
+    plug_in(tmp_path, monkeypatch, "wavelets", text, noise="wavelet = wavelets:Mine", blur="gbb = wavelets:Mine")
+    content = compose([])
+    plug_ins = yaml_text.parse(content)["plug_ins"]
+    assert plug_ins["noise"] == plug_ins["real_noise"] == plug_ins["blur"] == {}
+    with pytest.raises(InputError) as refused:
+        check_references(parse(content, "conf/"))
+    noise, blur = str(refused.value).splitlines()
+    assert noise == (
+        "noise estimator 'wavelet' is pipeline.noise.wavelet:WaveletMedian of this package, and "
+        "wavelets:Mine of wavelets is never used; rename its entry point of pipeline.noise, or uninstall it"
+    )
+    assert blur.startswith("blur estimator 'gbb' is pipeline.blur.gbb:GraphBlindDeblurring of this package")
+
+
+@pytest.mark.usefixtures("at_top")
+def test_a_name_of_two_packages_is_refused_where_it_is_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for number, name in enumerate(("first", "second")):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        plug_in(folder, monkeypatch, f"{name}_package", "class Mine: ...\n", noise=f"mine = {name}_package:Mine")
+    check_references(parse(compose([]), "conf/"))
+    with pytest.raises(InputError) as refused:
+        check_references(parse(compose(["+noise.estimators.x={kind: mine}"]), "conf/"))
+    (line,) = str(refused.value).splitlines()
+    assert line.startswith("noise estimator 'mine' is registered twice, as ") and "rename one entry point" in line
+    assert "first_package:Mine of first_package" in line and "second_package:Mine of second_package" in line
 
 
 @pytest.mark.usefixtures("at_top")

@@ -25,7 +25,8 @@ MEASURED = {
 def command(as_json: bool, timed: bool) -> None:
     """State what is installed, which weights are released, which data are present, and what runs with them.
 
-    Exit codes: 0; 2 where a required package or a released weight file is missing or damaged.
+    Exit codes: 0; 2 where a required package or a released weight file is missing or damaged, or a name is registered
+    twice.
     """
     from pipeline.cli.package_version import version
     from pipeline.executor import available_cores
@@ -35,12 +36,13 @@ def command(as_json: bool, timed: bool) -> None:
         f"package {name} is missing" for name, row in packages.items() if row["required"] and not row["version"]
     ]
     problems += [f"{row['file']}: {row['problem']}" for row in weights if row["problem"]]
+    clashes = [] if problems else clashing_names()  # the registries import packages
     cameras, without_cameras = stored_cameras()
     content: dict[str, Any] = {
         "version": version(), "python": sys.version.split()[0], "processors": available_cores(), "packages": packages,
         "weights": weights, "detector_weights": detector_weights(), "data": present(DATASETS),
         "measured": present(MEASURED), "cameras": cameras, "cameras_unknown": without_cameras, "stages": stages(),
-        "problems": problems,
+        "problems": problems, "name_clashes": clashes,
     }  # fmt: skip
     if timed and not problems:
         content["milliseconds_per_frame"] = frame_time()
@@ -49,7 +51,7 @@ def command(as_json: bool, timed: bool) -> None:
     else:
         for line in lines(content):
             click.echo(line)
-    if problems:
+    if problems or clashes:
         raise SystemExit(REFUSED)
 
 
@@ -135,6 +137,14 @@ def stored_cameras() -> tuple[list[str], str]:
         return [], str(error)
 
 
+def clashing_names() -> list[str]:
+    """Sentences on names that installed packages register, but that are built in or another package's."""
+    from pipeline.config.name_clashes import name_clashes
+    from pipeline.config.references import REGISTRIES
+
+    return [sentence for name in REGISTRIES.names() for sentence in name_clashes(REGISTRIES.get(name)).values()]
+
+
 def stages() -> dict[str, int]:
     """Stages of the study: ``recorded`` in ``dvc.lock`` of the checkout; empty outside of one."""
     from pipeline import yaml_text
@@ -202,6 +212,6 @@ def lines(content: dict[str, Any]) -> list[str]:
     if "milliseconds_per_frame" in content:
         text.append(f"health: {content['milliseconds_per_frame']:.0f} ms for a frame of 1280 x 720 px on one thread")
     works = not content["problems"]
-    text += [f"problem: {problem}" for problem in content["problems"]] or ["no problem"]
+    text += [f"problem: {problem}" for problem in content["problems"] + content["name_clashes"]] or ["no problem"]
     text.append(f"health, watch, noise, corrupt, calibrate: {'ready' if works else 'not ready'}")
     return text

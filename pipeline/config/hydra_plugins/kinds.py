@@ -20,6 +20,7 @@ from typing import Any
 
 from omegaconf import DictConfig, ListConfig, OmegaConf
 
+from .builtin_names import builtin_names
 from .named_files import hashes, with_files
 from .plug_in_sources import digests
 
@@ -51,6 +52,8 @@ def _dependency(member: Any) -> str:
 
 def _plug_in_file(kind: Any) -> str | None:
     """The source file of a third party's detector, so that a change of it is noticed; None where there is none."""
+    if str(kind) in builtin_names(DETECTORS):
+        return None
     for point in entry_points(group=DETECTORS, name=str(kind)):
         with contextlib.suppress(Exception):
             module = find_spec(point.module)  # imports the packages above it, which may do anything
@@ -109,7 +112,7 @@ def sources_of_plug_ins(path: str, group: str, more: str = "", *, _root_: Any) -
         (str(name), str(_value(member, "kind")), {**_options(member), more: _content(_value(further, str(name)))})
         for name, member in members.items()
     ]
-    sources = digests(group, {kind for _, kind, _ in kinds})
+    sources = digests(group, {kind for _, kind, _ in kinds} - builtin_names(group))
     return OmegaConf.create(
         {name: with_files(sources[kind], options) for name, kind, options in kinds if kind in sources}
     )

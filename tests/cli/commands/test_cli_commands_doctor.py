@@ -7,6 +7,7 @@ from importlib import metadata
 from pathlib import Path
 
 from cli_makers import call
+from plug_in_makers import plug_in
 
 from pipeline.project_files import located
 
@@ -40,6 +41,18 @@ def test_doctor_names_damaged_weights(tmp_path, monkeypatch):
     assert "problem: b.safetensors" in done.output and "not ready" in done.output
     assert ".writing-" not in done.output
     assert any(line.split()[:2] == ["a.safetensors", "released"] for line in done.output.splitlines())
+
+
+def test_doctor_names_what_is_registered_under_a_built_in_name(tmp_path, monkeypatch):
+    """It said that there is no problem; the class is never used."""
+    plug_in(tmp_path, monkeypatch, "wavelets", "class Mine: ...\n", noise="wavelet = wavelets:Mine")
+    done = call("doctor")
+    assert done.exit_code == 2 and "no problem" not in done.output
+    (line,) = (line for line in done.output.splitlines() if line.startswith("problem: "))
+    assert "pipeline.noise.wavelet:WaveletMedian of this package, and wavelets:Mine of wavelets is never used" in line
+    assert "not ready" not in done.output  # nothing of this package is affected
+    content = json.loads(call("doctor", "--json").stdout)
+    assert content["problems"] == [] and len(content["name_clashes"]) == 1
 
 
 def test_doctor_names_a_folder_of_cameras_that_cannot_be_listed(tmp_path, monkeypatch):
