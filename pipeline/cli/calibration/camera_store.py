@@ -155,6 +155,8 @@ def load(name: str) -> StoredCamera:
             raise ValueError("neither an MTF nor a fit")
         if type(camera.unsharp) is not int or not 0 <= camera.unsharp <= camera.frames:
             raise ValueError(f"unsharp: {camera.unsharp} of {camera.frames} pictures")
+        if not isinstance(camera.weights_sha256, dict):
+            raise ValueError("weights_sha256: expected hashes by the name of a weight file")
         if camera.sharp_mtf is not None:
             _matrix(camera.sharp_mtf)
     except (OSError, ValueError, TypeError, KeyError, RecursionError) as error:
