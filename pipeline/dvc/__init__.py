@@ -5,7 +5,8 @@
 * `read_once`: parameters are parsed and files hashed once, not once per stage;
 * `preloaded`: stages run in children of one process that has the libraries loaded;
 * `pipeline.freed_memory`: memory that a stage frees is kept for its next arrays;
-* `at_once`: stages that do not depend on each other run at once.
+* `at_once`: stages that do not depend on each other run at once;
+* `end_with_parent`: no command outlives a ``dvc repro`` that is killed.
 
 The same results and the same bytes of ``dvc.lock``; ``dvc`` itself may be used before and after.
 """

@@ -5,7 +5,7 @@ thread at a time has the *turn*, and hands it over only while the command of its
 dependencies are up to date the first ones in DVC's order are taken; a stage without outputs, which nothing can depend
 on, ends before later ones begin (the check of ``params.yaml``). When one fails, those that run end, no other begins,
 and DVC's message follows. Ctrl-C does the same; the running commands receive it from the terminal as this process does.
-SIGTERM is handed to them, and this process ends after them.
+SIGTERM is handed to them, and this process ends after them; killed, it takes them with it (`end_with_parent`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from types import FrameType
 from typing import Any
 
 from pipeline import yaml_text
-from pipeline.dvc import preloaded
+from pipeline.dvc import end_with_parent, preloaded
 from pipeline.dvc.core_slots import CoreSlots, affinity
 from pipeline.dvc.lock_file import LockFileWriter
 from pipeline.executor import available_cores
@@ -196,13 +196,17 @@ class Stages:
         def run(executable: str | None, command: str, **options: Any) -> None:
             environment = options["env"]
             words = preloaded.words(command, Path(options["cwd"]), environment)
+            in_shell: Any = command
+            if executable is not None:  # as it is but on Windows; a plain command takes the place of its shell
+                plain = preloaded.COMMAND.fullmatch(command)
+                in_shell = end_with_parent.command(_make_cmd(executable, f"exec {command}" if plain else command))
             name = environment.get("DVC_STAGE", "")
             if name not in self._slots:
-                code = self._run_alone(words, _make_cmd(executable, command), options)
+                code = self._run_alone(words, in_shell, options)
             else:
                 self._turn.release()
                 try:
-                    code = self._run_beside(name, words, _make_cmd(executable, command), options)
+                    code = self._run_beside(name, words, in_shell, options)
                 finally:
                     self._turn.acquire()
             if code:
