@@ -29,6 +29,9 @@ from pipeline.datasets.decoding.video_decoder import BadVideo
         ("http://camera/?fps=5&group=a&step=2", "http://camera/?fps=5&group=a&step=2"),
         ("rtsp:/me:secret@camera/1", "rtsp:/camera/1"),
         ("C:/a@b", "C:/a@b"),
+        ("me:sec:r@t@camera/1: absent", "me:***@camera/1: absent"),
+        ("rtsp://camera:554/1?at=a:b@c", "rtsp://camera:554/1?at=a:b@c"),
+        ("error: a@b", "error: a@b"),
     ],
 )
 def test_an_address_is_printed_without_user_name_and_password(source, printed):
@@ -71,6 +74,12 @@ def test_commands_that_take_files_refuse_an_address_without_its_password(command
 def test_an_address_in_another_place_of_a_command_is_in_its_error_without_its_password(command, address):
     done = CliRunner().invoke(main, [*command, address])
     assert done.exit_code == 2 and "camera/" in done.output and "secret" not in done.output
+
+
+@pytest.mark.parametrize("command", ["watch", "health", "noise"])
+def test_an_address_without_protocol_is_refused_without_its_password(command):
+    done = CliRunner().invoke(main, [command, "me:secret@camera/1"])
+    assert done.exit_code == 2 and "me:***@camera/1" in done.output and "secret" not in done.output
 
 
 def test_an_address_of_one_slash_is_refused_without_its_password():
