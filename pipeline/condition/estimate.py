@@ -28,6 +28,7 @@ from pipeline.condition.coarse_grain import most_coarse_noise_dn
 from pipeline.condition.frame_tiles import MOST_PATCHES, MOST_TILES, frame_tiles
 from pipeline.condition.grey_frame import grey_frame
 from pipeline.condition.picture_area import COVERED_REASON, covered, picture_area, shifted
+from pipeline.condition.sharp_edges import CONTRADICTED, contradicted
 from pipeline.condition.structure import STRIPED, STRUCTURELESS, striped, structureless
 from pipeline.condition.summary import (
     Summary,
@@ -279,7 +280,8 @@ class ConditionMonitor:
         if not squares:
             stack = np.empty((0, 1, PATCH_PX, PATCH_PX), np.float32)
         answer = asked(f"blur estimator '{self.blur_name}'", self.blur_estimator.estimate, stack, "mtf")
-        result = _without(answer, _unreadable(stack))
+        readable = _without(answer, _unreadable(stack))
+        result = _without(readable, {CONTRADICTED: contradicted(readable, stack)})
         taken = (time.perf_counter() - start) * 1e3
         return BlurState(squares, result, _grid(squares), summarise(result.mtf, result.low, result.high), taken)
 

@@ -63,8 +63,8 @@ def structureless(patches: NDArray[np.floating]) -> NDArray[np.bool_]:
     flat = means.reshape(count, -1)
     surface = _surface(rows, columns)
     left = (flat - flat @ surface @ surface.T).std(axis=1)
-    sigma_dn = _sigma_dn(levels)
-    return np.asarray(left < np.maximum(LEAST_DN, NOISE_FACTOR * sigma_dn / BLOCK_PX))
+    noise_dn = sigma_dn(levels)
+    return np.asarray(left < np.maximum(LEAST_DN, NOISE_FACTOR * noise_dn / BLOCK_PX))
 
 
 def striped(patches: NDArray[np.floating]) -> NDArray[np.bool_]:
@@ -77,7 +77,7 @@ def striped(patches: NDArray[np.floating]) -> NDArray[np.bool_]:
         (N,).
     """
     levels = patches[:, 0].astype(np.float32, copy=False) * np.float32(FULL_SCALE_DN)
-    noise = np.maximum(_sigma_dn(levels), ROUNDING_DN) ** 2 / (8 * np.pi * SMOOTHED_PX**4)
+    noise = np.maximum(sigma_dn(levels), ROUNDING_DN) ** 2 / (8 * np.pi * SMOOTHED_PX**4)
     across, mixed, down = np.array([_structure_tensor(patch) for patch in levels], float).reshape(-1, 3).T
     middle, reach = (across + down) / 2 - noise, np.hypot((across - down) / 2, mixed)
     return np.asarray(middle - reach < LEAST_RATIO * (middle + reach))
@@ -98,7 +98,7 @@ def _structure_tensor(levels: NDArray[np.float32]) -> tuple[float, float, float]
     return float(g_x @ g_x) / g_x.size, float(g_x @ g_y) / g_x.size, float(g_y @ g_y) / g_x.size
 
 
-def _sigma_dn(levels: NDArray[np.float32]) -> NDArray[np.floating]:
+def sigma_dn(levels: NDArray[np.float32]) -> NDArray[np.floating]:
     """(N,) noise of patches (N, H, W) in DN, by second differences."""
     down, across = slice(0, -1, STRIDE_PX), slice(1, None, STRIDE_PX)
     twice = levels[:, down, down] - levels[:, down, across] - levels[:, across, down] + levels[:, across, across]

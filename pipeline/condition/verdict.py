@@ -70,6 +70,7 @@ REASONS = {
     "flat": "no variation to measure",
     "structureless": "no structure, only shading and noise",
     "striped": "stripes or a straight edge, along which nothing tells blur",
+    "contradicted": "edges are sharper than the blur that was read",
     "covered": "a part has one grey level: a border, or a picture of few levels",
     "incomplete": "some frequencies are unknown",
 }

@@ -349,7 +349,7 @@ def test_patches_of_a_calibration_lie_inside_the_bars_beside_a_picture():
 
 
 class Doubled(Estimator):
-    """MTF of one half; spoils the pixels that it is given, and may answer for the first patch only."""
+    """MTF of .6; spoils the pixels that it is given, and may answer for the first patch only."""
 
     def __init__(self, few=False):
         self.few = few
@@ -357,7 +357,7 @@ class Doubled(Estimator):
     def measure(self, patches, reason):
         patches[:] = 0.5
         count = 1 if self.few else len(patches)
-        return BlurEstimate(np.full((count, 2, 8), 0.5), np.zeros(count, bool), np.full(count, ""))
+        return BlurEstimate(np.full((count, 2, 8), 0.6), np.zeros(count, bool), np.full(count, ""))
 
 
 class InPlace:
