@@ -12,7 +12,7 @@ from pipeline.camera import psf
 from pipeline.camera.blur import blur
 from pipeline.camera.mtf import sample
 from pipeline.condition import ConditionMonitor
-from pipeline.condition.sharp_edges import CONTRADICTED, LEAST_MTF50, contradicted, steepness
+from pipeline.condition.sharp_edges import CONTRADICTED, LEAST_MTF50, contradicted, soft_share, steepness
 from pipeline.condition.summary import half_contrast
 from pipeline.streams import stream
 
@@ -85,6 +85,18 @@ def test_the_upper_end_of_an_interval_counts_along_either_axis():
     assert not contradicted(BlurEstimate(low, *none, low=low, high=high), patches).any()
     absent = np.full((3, 2, 8), np.nan, np.float32)
     assert not contradicted(BlurEstimate(absent, np.ones(3, bool), np.array(["flat"] * 3)), patches).any()
+
+
+def test_a_patch_that_is_sharp_in_part_keeps_its_estimate():
+    picture = data.camera()[100:292, 150:342].astype(np.float32)
+    soft = cv2.GaussianBlur(picture, (0, 0), 4)
+    half = np.where(np.arange(192)[:, None] < 96, edge(1), soft)
+    assert soft_share(edge(1)) == 0.0 and soft_share(soft) > 0.9 and 0.1 < soft_share(half) < 0.9
+    assert steepness(half)[0] == pytest.approx(1.0)
+    low = BlurEstimate(
+        np.tile(np.linspace(0.6, 0.0, 8, dtype=np.float32), (1, 2, 1)), np.zeros(1, bool), np.array([""])
+    )
+    assert not contradicted(low, half[None, None] / np.float32(255)).any()
 
 
 def test_the_monitor_does_not_call_a_sharp_chart_of_dots_blurred():
