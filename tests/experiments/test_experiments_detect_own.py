@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,22 @@ from pipeline.detection import checkpoint
 from pipeline.errors import InputError
 from pipeline.experiments import detect as sweep
 from pipeline.stages import detect, detector, index
+
+
+@contextlib.contextmanager
+def _killed_after(pieces: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Inside, a sweep is killed once it has kept so many pieces of its work, and must be."""
+    made, load_or_compute = [], checkpoint.load_or_compute
+
+    def killed(*arguments: Any) -> Any:
+        if len(made) == pieces:
+            raise KeyboardInterrupt
+        made.append(load_or_compute(*arguments))
+        return made[-1]
+
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(checkpoint, "load_or_compute", killed)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -89,14 +107,7 @@ def test_after_an_edit_of_a_helper_module_a_killed_sweep_begins_anew(
     text = SPOTS.replace("side_px=30", "side_px=None").replace("self.side_px = side_px", "self.side_px = SIDE")
     (helper.parent / "__init__.py").write_text(f"from edited_spots.helper import SIDE\n{text}")
     plug_in(tmp_path, monkeypatch, "edited_spots_module", "", detection="spots = edited_spots:Spots")
-    config, made = _with_own(data), []
-    load_or_compute = checkpoint.load_or_compute
-
-    def killed(*arguments: Any) -> Any:
-        if len(made) == 3:
-            raise KeyboardInterrupt
-        made.append(load_or_compute(*arguments))
-        return made[-1]
+    config = _with_own(data)
 
     def run_again() -> None:
         for name in [name for name in sys.modules if name.startswith("edited_spots")]:
@@ -107,8 +118,7 @@ def test_after_an_edit_of_a_helper_module_a_killed_sweep_begins_anew(
     index.run.run(config, {"dataset": "kitti"}, tmp_path, tmp_path)
     detector.run.run(config, {"detector": "mine"}, tmp_path, tmp_path)
     before = store.read_json(tmp_path / "data/detector/mine/detector.json")
-    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
-        patched.setattr(checkpoint, "load_or_compute", killed)
+    with _killed_after(3, monkeypatch):
         run_again()
     helper.write_text("SIDE = 50\n\n")
     run_again()
@@ -134,21 +144,12 @@ def test_work_kept_goes_by_the_weights_as_they_are_and_so_does_what_is_stated(
 ) -> None:
     """The stage `detector` may have opened others: a stage that is run by itself does not ask it."""
     plug_in(tmp_path, monkeypatch, "sized_spots", SPOTS + SIZED, detection="sized = sized_spots:Sized")
-    weights, made = tmp_path / "side.txt", []
+    weights = tmp_path / "side.txt"
     weights.write_text("30")
     config = _with_own(data, f"{{kind: sized, weights: {weights}}}")
-    load_or_compute = checkpoint.load_or_compute
-
-    def killed(*arguments: Any) -> Any:
-        if len(made) == 3:
-            raise KeyboardInterrupt
-        made.append(load_or_compute(*arguments))
-        return made[-1]
-
     index.run.run(config, {"dataset": "kitti"}, tmp_path, tmp_path)
     detector.run.run(config, {"detector": "mine"}, tmp_path, tmp_path)
-    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
-        patched.setattr(checkpoint, "load_or_compute", killed)
+    with _killed_after(3, monkeypatch):
         detect.run.run(config, {"dataset": "kitti", "detector": "mine"}, tmp_path, tmp_path)
     weights.write_text("50")
     sweep.opened.cache_clear()  # another process
