@@ -1,5 +1,6 @@
 """Recorded datasets run through the same stages as the rendered ones, and the report says which were absent."""
 
+import html
 from pathlib import Path
 
 import composed
@@ -47,5 +48,6 @@ def test_recorded_frames_run_through_the_graph_and_into_a_report(shared, tmp_pat
     page = (tmp_path / "reports/index.html").read_text()
     absent = {"kitti": "udacity", "udacity": "kitti"}[name]
     assert "data absent" in page
-    assert f"datasets.{absent}.root" in page
+    assert f"dataset@datasets.{absent}={absent}" in config.report.not_run[absent]
+    assert html.escape(config.report.not_run[absent], quote=False) in page
     assert str(shared) not in page

@@ -44,9 +44,9 @@ def dvc(top, *arguments):
     [
         ("experiments/corrupt.py", {"noise_pca", "noise_cellwise", "corrupt"}),
         ("noise/pca.py", {"noise_pca"}),
-        ("noise/cellwise_net.py", {"noise_cellwise"}),
+        ("noise/networks/cellwise_net.py", {"noise_cellwise"}),
         ("learning/streets.py", {"train_mtf_cnn"}),
-        ("blur/spectral_net.py", set()),
+        ("blur/networks/spectral_net.py", set()),
         ("noise/base.py", {"noise_pca", "noise_cellwise"}),
         ("curves/published.py", {"refit"}),
         ("__init__.py", {"noise_pca", "noise_cellwise", "train_mtf_cnn", "corrupt", "refit"}),
